@@ -79,6 +79,8 @@ def typical_sizes(effect: Effect) -> tuple[float, ...]:
 def _grid(p: Parameter, effect: Effect, step_s: float, longest_s: float) -> list[float]:
     """Values at which one shape parameter is simulated."""
     low, high = p.low, p.high
+    if p.between_forms:
+        return sorted({low, p.typical, high})
     if p.unit == "Hz":
         low = min(max(low, 1 / longest_s), high)
     if p.unit == "s":
@@ -89,8 +91,6 @@ def _grid(p: Parameter, effect: Effect, step_s: float, longest_s: float) -> list
     if effect.peak is not None and p.name == effect.peak[0]:
         count = max(2, int(np.log(high / low) / np.log(MODE_GRID_RATIO)))
         return [float(v) for v in np.geomspace(low, high, count)]
-    if p.between_forms:
-        return sorted({low, p.typical, high})
     if len(effect.shapes) > 1 and p is not effect.shapes[0]:
         return [float(np.clip(p.typical, low, high))]
     if p.log:

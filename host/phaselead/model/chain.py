@@ -6,7 +6,7 @@ u -> converter -> timing -> amplifier -> hysteresis operator -> hysteresis effec
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from copy import copy
 from dataclasses import replace
 from itertools import takewhile
@@ -189,29 +189,43 @@ class _Link(NamedTuple):
 
 
 def _links(view: TimeView, entries: Sequence[Entry], made: Mapping[int, _Link]) -> list[_Link]:
-    """Every step in order; the time view's delay and operator stand where the design has them. Delays add up: what runs
-    straight between rows would be bent twice by one after the other. ``made``: links there are, by their entry's id."""
-    delay_s = view.delay_s + sum(e.dead_time_s(params) for e, params in entries if e.dead_time_s is not None)
+    """Every step in order. ``made``: links there are, by their entry's id.
 
-    def late(signal: Signal) -> Samples:
-        return delayed(signal.value, delay_s / signal.step_s, float(signal.value[0]))
+    Delays add up, and are made where the amplifier begins to lag: what comes before does not depend on when, so that a
+    delay may as well come behind it, and sees the voltage as it runs between its rows. A delay would bend that.
+    """
+    delay_s = view.delay_s + sum(e.dead_time_s(params) for e, params in entries if e.dead_time_s is not None)
 
     def operator(signal: Signal) -> Samples:
         return respond(view, signal.value, signal.carrying(signal.value, signal.value).start_plays_V)[0]
 
-    own = [
-        _Link(_Step("late", (("delay_s", delay_s),), Place.TIMING, 0), late),
+    def links(some: Iterable[Entry]) -> list[_Link]:
+        return [made.get(id(entry)) or _of_effect(entry) for entry in some]
+
+    others = [entry for entry in entries if entry[0].dead_time_s is None]
+    at_once = list(takewhile(lambda entry: entry[0].place <= Place.AMPLIFIER and entry[0].lag_s is None, others))
+    lags = list(takewhile(_lags_in_amplifier, others[len(at_once) :]))
+    rest = others[len(at_once) + len(lags) :]
+    first_behind = next((i for i, (e, _) in enumerate(rest) if e.place > Place.AMPLIFIER), len(rest))
+    return [
+        *links(at_once),
+        _late_lags(lags, delay_s) if lags else _late(delay_s),
+        *links(rest[:first_behind]),
         _Link(_Step(OPERATOR, (), Place.HYSTERESIS, 0), operator),
+        *links(rest[first_behind:]),
     ]
-    behind = [entry for entry in entries if entry[0].dead_time_s is None]
-    links = [*own, *(made.get(id(entry)) or _of_effect(entry) for entry in behind)]
-    in_amplifier = [entry for entry in behind if entry[0].place == Place.AMPLIFIER]
-    lags = list(takewhile(lambda entry: entry[0].lag_s is not None, in_amplifier))
-    if lags:
-        first = len(own) + behind.index(lags[0])
-        links[first : first + len(lags)] = [_late_lags(lags, delay_s)]
-        links = links[1:]
-    return sorted(links, key=lambda link: link.step.place)  # stable: the view's own come first in their place
+
+
+def _lags_in_amplifier(entry: Entry) -> bool:
+    e, _ = entry
+    return e.place == Place.AMPLIFIER and e.lag_s is not None
+
+
+def _late(delay_s: float) -> _Link:
+    def apply(signal: Signal) -> Samples:
+        return delayed(signal.value, delay_s / signal.step_s, float(signal.value[0]))
+
+    return _Link(_Step("late", (("delay_s", delay_s),), Place.AMPLIFIER, 0), apply)
 
 
 def _of_effect(entry: Entry) -> _Link:

@@ -95,8 +95,8 @@ class LinkedParts(VirtualAxis):
         """What each of some modes feels of the load, once all modes are known."""
         return [self._mass * (1.0 if abs(share) >= self._largest else self._others) for share in c]
 
-    def slew(self, per_s: float) -> None:
-        self._link(lambda: _link(SLEW, per_s))
+    def slew(self, per_s: float, loop_s: float) -> None:
+        self._link(lambda: _link(SLEW, per_s, loop_s))
 
     def clip(self, low: float, high: float) -> None:
         self._link(lambda: _link(CLIP, low, high))

@@ -62,7 +62,7 @@ def test_saturation_comes_after_the_slew_limit_and_the_sensor_after_the_mechanic
     u = np.concatenate([np.zeros(10), np.full(200, 10.0)])
     x = simulate(axis(), np.arange(210) / RATE_HZ, u, extra=chosen(["saturation", "slew_limit"]))
     assert x.max() == pytest.approx(95.0)
-    assert np.diff(x).max() * RATE_HZ == pytest.approx(10_000)
+    assert np.diff(x).max() * RATE_HZ == pytest.approx(10_000, rel=1e-3)  # rows give the corners between them too
     chain = Chain(axis(LINEAR, MODE), times(1.5), rich())
     mechanics = chain.signal_at(Place.MECHANICS).value
     through = effect("sensor_lowpass").apply(chain.signal_at(Place.SENSOR), {"tau_s": 0.01})

@@ -71,6 +71,27 @@ def test_slewed(x, rise):
     assert np.array_equal(y[1:][arrived], x[1:][arrived])
 
 
+@laws
+@given(rows, st.floats(1e-3, 30), st.floats(1e-3, 10))
+def test_slewed_softly(x, rise, loop_rows):
+    """Each row lags as its rate asks for; where a rate is all but the limit, its lag has no digits left."""
+    y = slewed(x, rise, loop_rows)
+    part = np.diff(y) / rise
+    assert (np.abs(part) <= 1 + 1e-9).all()
+    soft = np.abs(part) < 0.999
+    lag = rise * loop_rows * (np.arctanh(part[soft]) - part[soft])
+    assert x[1:][soft] - y[1:][soft] == pytest.approx(lag, rel=1e-6, abs=1e-9)
+
+
+def test_a_tanh_from_step_to_step_is_a_soft_limit_of_one_row():
+    """dy = S tanh((x - y) / S), as simulated elsewhere."""
+    x = 40 * np.sin(np.arange(300) / 7)
+    y = np.zeros(300)
+    for k in range(1, 300):
+        y[k] = y[k - 1] + 5 * np.tanh((x[k] - y[k - 1]) / 5)
+    assert slewed(x, 5.0, 1.0) == pytest.approx(y, abs=1e-9)
+
+
 @pytest.mark.parametrize("zeta", [0.03, 1.0, 4.0])
 def test_modes_are_exact_for_straight_input(zeta):
     rng = np.random.default_rng(0)

@@ -208,11 +208,23 @@ def test_creep_is_the_same_both_ways_and_takes_lists():
 def test_slew_shows_above_its_onset_only():
     traverse_s = 0.05  # 200 V/s: the onset of 8 V peak to peak is at 7.96 Hz
     below, above = sine(8.0, 7.9, 4), sine(8.0, 12.0, 4)
-    assert np.array_equal(run(PLAIN, below, "slew_limit", traverse_s=traverse_s), run(PLAIN, below))
+    sharp = run(PLAIN, below, "slew_limit", traverse_s=traverse_s, loop_s=0.0)
+    assert sharp == pytest.approx(run(PLAIN, below), abs=1e-9)
     x = run(PLAIN, above, "slew_limit", traverse_s=traverse_s)
-    assert np.abs(np.diff(x)).max() * RATE_HZ == pytest.approx(200 * 10)
+    rates = np.abs(np.diff(x)) * RATE_HZ  # the rows beside a corner of the way have its area, not its rate
+    assert np.quantile(rates, 0.9) == pytest.approx(200 * 10, rel=1e-3)
     assert np.std(x - run(PLAIN, above)) > 1
     assert "200 V/s" in effect("slew_limit").reads({"traverse_s": traverse_s}, PLAIN)
+
+
+def test_a_soft_slew_limit_lags_the_more_the_nearer_its_rate():
+    """By loop_s (artanh(p) / p - 1) on a ramp of the part p of the largest rate."""
+    traverse_s, loop_s = 0.05, 1e-3
+    for part in (0.1, 0.5, 0.9):
+        u = np.minimum(200 * part * np.arange(int(0.05 / part * RATE_HZ)) / RATE_HZ, 8.0)
+        lagged = run(PLAIN, u, "slew_limit", traverse_s=traverse_s, loop_s=loop_s)
+        lag_s = (u - lagged / 10)[int(0.02 / part * RATE_HZ)] / (200 * part)
+        assert lag_s == pytest.approx(loop_s * (np.arctanh(part) / part - 1), rel=1e-2)
 
 
 def test_saturation_has_flat_tops_at_one_voltage():

@@ -1,11 +1,13 @@
-"""What a band-limited signal does between its rows, and what is left of a finer one at them.
+"""What a signal does between its rows, and what is left of a finer one at them.
 
-A record is continued by its mirror image, so that it has no edges; its ends are less exact than its middle.
+A band-limited record is continued by its mirror image, so that it has no edges; its ends are less exact than its
+middle.
 """
 
 from __future__ import annotations
 
 import numpy as np
+from scipy.linalg import solveh_banded
 
 from phaselead.record import Samples
 
@@ -25,3 +27,26 @@ def derivative_at_rows(y: Samples, fine: int, step_s: float) -> Samples:
     turn = 2j * np.pi * np.arange(n + 1) / (2 * n * step_s)
     turn[-1] = 0.0
     return np.asarray(np.fft.irfft(spectrum * turn, 2 * n)[:n])
+
+
+def straight(x: Samples, fine: int) -> Samples:
+    """``fine`` points for every row of ``x`` (n,), on straight lines between rows, (n fine - fine + 1,)."""
+    rows = np.arange(len(x))
+    return np.interp(np.arange(fine * (len(x) - 1) + 1) / fine, rows, x)
+
+
+def nearest_straight(y: Samples, fine: int) -> Samples:
+    """Rows (n,) of which the straight lines between them come nearest to ``y`` (n fine - fine + 1,), by least squares.
+
+    What follows takes a signal to be straight there: a corner of it between two rows is then passed on with its area.
+    """
+    if len(y) == 1:
+        return y
+    hat = 1 - np.abs(np.arange(1 - fine, fine)) / fine
+    falling = hat[fine - 1 :]
+    sums = np.convolve(y, hat)[fine - 1 : fine - 1 + len(y) : fine]
+    normal = np.empty((2, len(sums)))
+    normal[0] = falling[1:] @ falling[:0:-1]
+    normal[1] = hat @ hat
+    normal[1, [0, -1]] = falling @ falling
+    return np.asarray(solveh_banded(normal, sums))

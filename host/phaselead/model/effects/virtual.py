@@ -71,8 +71,8 @@ class VirtualAxis:
         """The largest mode carries 1 + mass of its own mass, each other one 1 + others mass."""
         _refuse()
 
-    def slew(self, per_s: float) -> None:
-        """Follow by at most ``per_s`` a second."""
+    def slew(self, per_s: float, loop_s: float) -> None:
+        """Follow by at most ``per_s`` a second: x - y = loop_s (per_s artanh(p) - dy/dt), p = (dy/dt) / per_s."""
         _refuse()
 
     def clip(self, low: float, high: float) -> None:

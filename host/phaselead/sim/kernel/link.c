@@ -4,6 +4,8 @@
 #include <math.h>
 #include <string.h>
 
+#define SLEW_HALVINGS 50
+
 static double clamp(double x, double low, double high)
 {
     return x < low ? low : x > high ? high : x;
@@ -170,6 +172,24 @@ static double crossover_step(struct link *link, double x)
     return aim - n[1] * (drive - link->held - off) / link->step_s;
 }
 
+/* The part p of the largest rate at which x - y = tau (R artanh(p) - dy/dt) holds at the end of the substep. Halving
+ * finds it: what is sought rises with p, from nothing to more than any distance. */
+static double slew_step(const struct link *link, double x)
+{
+    const double *n = link->with->number;
+    double off = x - link->out, way = n[0] * link->step_s, soft = n[0] * n[1], low = 0, high = 1;
+    if (soft == 0)
+        return link->out + clamp(off, -way, way);
+    for (int i = 0; i < SLEW_HALVINGS; i++) {
+        double p = 0.5 * (low + high);
+        if (way * p + soft * (atanh(p) - p) < fabs(off))
+            low = p;
+        else
+            high = p;
+    }
+    return link->out + copysign(way * low, off);
+}
+
 double link_step(struct link *link, double x)
 {
     const double *n = link->with->number;
@@ -178,7 +198,7 @@ double link_step(struct link *link, double x)
         link->out = poles_step(link, x);
         break;
     case LINK_SLEW:
-        link->out += clamp(x - link->out, -n[0] * link->step_s, n[0] * link->step_s);
+        link->out = slew_step(link, x);
         break;
     case LINK_CLIP:
         link->out = clamp(x, n[0], n[1]);

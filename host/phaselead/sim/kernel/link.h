@@ -17,7 +17,7 @@
 
 enum link_kind {
     LINK_POLES_SUM = 1, /* number[0] x + sum Re(weight / (1 - s / pole)) x: lags, creep, leakage, modes */
-    LINK_SLEW,          /* follows by at most number[0] a second */
+    LINK_SLEW,          /* follows by at most number[0] a second, by a loop with the time constant number[1] */
     LINK_CLIP,          /* between number[0] and number[1] */
     LINK_OPERATOR,      /* the hysteresis operator: V in, um from rest out */
     LINK_SOFTENING,     /* kappa, X, tau, share of the mean that does not count, power of the level */
