@@ -272,6 +272,22 @@ def test_a_record_that_moves_as_no_other_does_is_named(few, factor, which):
     assert not any("about as slowly" in line for line in fit(few)[1].messages)
 
 
+@pytest.mark.parametrize("which", range(5))
+def test_a_record_of_another_stage_is_named_however_quick(which):
+    """Its gain is half as large again, which a mode may well make of it."""
+    records = laboratory(ONE_MODE, COARSE_HZ)
+    odd = replace(changed(records[which], x=lambda x_um: 1.5 * x_um), source="the odd one")
+    _, report = fit([odd if r is records[which] else r for r in records])
+    (line,) = [line for line in report.messages if "is it of this stage" in line]
+    assert line.startswith("axis x: beside the odd one the fit leaves ")
+    assert not any("is it of this stage" in line for line in fit(records)[1].messages)
+
+
+def test_of_two_records_none_is_the_odd_one(few):
+    pair = [few[0], changed(few[1], x=lambda x_um: 1.5 * x_um)]
+    assert not any("is it of this stage" in line for line in fit(pair)[1].messages)
+
+
 def test_a_record_behind_a_mode_is_no_odd_one():
     t = np.arange(4000) / 2000
     made = []

@@ -10,6 +10,7 @@ from typing import Any, Literal
 from phaselead.errors import BadInput, more_like_it
 from phaselead.identify.coupling import CouplingMatrix, cross_coupling, decoupled
 from phaselead.identify.modal import FittedModes, fit_straight, fit_together, measured_response
+from phaselead.identify.odd_record import about_apart, about_scale, refuse_unlike_others
 from phaselead.identify.operator import OperatorFit
 from phaselead.identify.runs import (
     SAME_RATE,
@@ -17,7 +18,6 @@ from phaselead.identify.runs import (
     SineDrive,
     driven_axes,
     driven_runs,
-    refuse_unlike_others,
     refuse_without_loop,
     sensor_counts_backwards,
     still_share,
@@ -35,17 +35,12 @@ from phaselead.model import (
     effect_of_lag,
     effect_of_modes,
     explained,
-    out_of_scale,
     provenance_of,
 )
-from phaselead.quantity import digits
-from phaselead.record import Recording, doubts_about, gains_moved
+from phaselead.record import Recording, doubts_about
 
 Base = Literal["operator", "linear"]
 
-ABOUT_AS_SLOW = 3.0
-"""Times the frequency of the slowest record up to which others must follow their voltage alike. Of faster ones a mode
-may make more, or turn them round."""
 MOSTLY_STILL = 0.5
 """Of the scored rows: what creeps in them counts more than what moves."""
 
@@ -145,7 +140,8 @@ def fit(
             if base == "operator":
                 refuse_without_loop(axis_runs)
                 found, mode = fit_together(forward)
-                messages += [*_about_scale(axis, axis_runs), *_about_stillness(axis, axis_runs)]
+                messages += about_scale(axis, axis_runs) or about_apart(axis, forward, found)
+                messages += _about_stillness(axis, axis_runs)
                 messages += _about_modes(axis, mode, axis_runs, alone=axis not in together)
                 messages += _about_lag(axis, found)
                 if mode is not None:
@@ -250,21 +246,6 @@ def _axis_model(
         time=view,
         effects=effects,
     )
-
-
-def _about_scale(axis: str, runs: Sequence[AxisRun]) -> list[str]:
-    """What to say of slow records that follow their voltage as no change of a stage makes them, beside most others."""
-    gains = gains_moved([(run.u_V, run.x_um) for run in runs], [run.step_s for run in runs], ABOUT_AS_SLOW)
-    unlike = {i: [j for j in gains if out_of_scale(gains[j] / gains[i]) or out_of_scale(gains[i] / gains[j])]
-              for i in gains}  # fmt: skip
-    usual = min(unlike, key=lambda i: len(unlike[i]), default=None)
-    if usual is None or not unlike[usual]:
-        return []
-    odd, *more = unlike[usual]
-    return [
-        f"axis {axis}: {runs[odd].source} moves {digits(gains[odd], 3)} um/V{more_like_it(len(more))}, "
-        f"{runs[usual].source} {digits(gains[usual], 3)} um/V, about as slowly: are units, signs and columns right?"
-    ]
 
 
 def _about_stillness(axis: str, runs: Sequence[AxisRun]) -> list[str]:

@@ -14,17 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
-from phaselead.errors import BadInput, more_like_it
+from phaselead.errors import BadInput
 from phaselead.model import plays
 from phaselead.record import (
     Recording,
     Samples,
     counts_backwards,
-    factors_moved,
-    in_another_unit,
     refuse_clipped,
     refuse_gapped,
-    unit_remedy,
 )
 
 STILL_S = 1.0
@@ -211,22 +208,6 @@ def turning_points(u: Samples) -> int:
 def sensor_counts_backwards(runs: Sequence[AxisRun]) -> bool:
     """Whether the position falls where the voltage rises, slowly."""
     return counts_backwards((run.u_V[run.scored], run.x_um[run.scored]) for run in runs)
-
-
-def refuse_unlike_others(runs: Sequence[AxisRun]) -> None:
-    """Refuse records that move beside their voltage as if a column were in another unit than in most. Raises
-    BadInput."""
-    gains = factors_moved([(run.u_V, run.x_um) for run in runs], [run.step_s for run in runs])
-    apart = {i: [j for j in gains if in_another_unit(gains[j] / gains[i])] for i in gains}
-    most = min(apart, key=lambda i: len(apart[i]), default=None)
-    if most is None or not apart[most]:
-        return
-    odd, *more = apart[most]
-    raise BadInput(
-        f"{runs[odd].source}: axis {runs[odd].axis} moves {gains[odd]:.3g} um/V{more_like_it(len(more))}, but "
-        f"{gains[most]:.3g} um/V in {runs[most].source}; {unit_remedy(gains[odd] / gains[most], of_all=False)}, or fit "
-        "them apart"
-    )
 
 
 def still_share(run: AxisRun) -> float:

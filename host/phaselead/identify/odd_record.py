@@ -1,0 +1,81 @@
+"""A record among others that is not of their stage, or not in their units."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from phaselead.errors import BadInput, more_like_it
+from phaselead.identify.modal import fit_together
+from phaselead.identify.operator import OperatorFit
+from phaselead.identify.runs import AxisRun
+from phaselead.model import out_of_scale
+from phaselead.quantity import digits
+from phaselead.record import factors_moved, gains_moved, in_another_unit, unit_remedy
+
+ABOUT_AS_SLOW = 3.0
+"""Times the frequency of the slowest record up to which others must follow their voltage alike. Of faster ones a mode
+may make more, or turn them round."""
+OF_ONE_STAGE = 0.01
+"""Of its range: an operator with modes leaves less of each record of one stage. Of simulated stages it leaves 0.02 to
+0.4 %, of the measured records in the docs 0.2 and 0.4 %."""
+MUCH_BETTER = 4.0
+"""Times less of the others where one record is left out: what a model misses differs by no more between records of one
+stage, as ``gap`` takes it too."""
+FEWEST = 3
+"""Records of which one can be told from the others."""
+
+
+def refuse_unlike_others(runs: Sequence[AxisRun]) -> None:
+    """Refuse records that move beside their voltage as if a column were in another unit than in most. Raises
+    BadInput."""
+    gains = factors_moved([(run.u_V, run.x_um) for run in runs], [run.step_s for run in runs])
+    apart = {i: [j for j in gains if in_another_unit(gains[j] / gains[i])] for i in gains}
+    most = min(apart, key=lambda i: len(apart[i]), default=None)
+    if most is None or not apart[most]:
+        return
+    odd, *more = apart[most]
+    raise BadInput(
+        f"{runs[odd].source}: axis {runs[odd].axis} moves {gains[odd]:.3g} um/V{more_like_it(len(more))}, but "
+        f"{gains[most]:.3g} um/V in {runs[most].source}; {unit_remedy(gains[odd] / gains[most], of_all=False)}, or fit "
+        "them apart"
+    )
+
+
+def about_scale(axis: str, runs: Sequence[AxisRun]) -> list[str]:
+    """What to say of slow records that follow their voltage as no change of a stage makes them, beside most others."""
+    gains = gains_moved([(run.u_V, run.x_um) for run in runs], [run.step_s for run in runs], ABOUT_AS_SLOW)
+    unlike = {i: [j for j in gains if out_of_scale(gains[j] / gains[i]) or out_of_scale(gains[i] / gains[j])]
+              for i in gains}  # fmt: skip
+    usual = min(unlike, key=lambda i: len(unlike[i]), default=None)
+    if usual is None or not unlike[usual]:
+        return []
+    odd, *more = unlike[usual]
+    return [
+        f"axis {axis}: {runs[odd].source} moves {digits(gains[odd], 3)} um/V{more_like_it(len(more))}, "
+        f"{runs[usual].source} {digits(gains[usual], 3)} um/V, about as slowly: are units, signs and columns right?"
+    ]
+
+
+def about_apart(axis: str, runs: Sequence[AxisRun], found: OperatorFit) -> list[str]:
+    """What to say of the record that the fit of all leaves most of, where the others are described far better without
+    it. It costs a second fit, which is made only where the first leaves more than of one stage."""
+    shares = [one.rms_um / one.range_um for one in found.records]
+    odd = int(np.argmax(shares))
+    if len(runs) < FEWEST or shares[odd] <= OF_ONE_STAGE:
+        return []
+    rest = [i for i in range(len(runs)) if i != odd]
+    try:
+        without, _ = fit_together([runs[i] for i in rest])
+    except BadInput:  # the others alone cannot be fitted
+        return []
+    with_it = max(shares[i] for i in rest)
+    alone = max(one.rms_um / one.range_um for one in without.records)
+    if with_it <= MUCH_BETTER * alone:
+        return []
+    return [
+        f"axis {axis}: beside {runs[odd].source} the fit leaves up to {digits(100 * with_it, 2)} % of the range of "
+        f"another record, without it {digits(100 * alone, 2)} %: is it of this stage, and are its units, signs and "
+        "columns right? Leave it out, or fit it apart"
+    ]
