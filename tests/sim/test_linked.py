@@ -51,7 +51,7 @@ def sizes(name):
         "sensor_lowpass": {"tau_s": 1e-3},
         "amplifier_lowpass": {"tau_s": 1e-3},
         "delay": {"delay_s": 2.345e-3},
-        "hysteresis": {"width": 0.15, "slope": 1.0, "rest_fraction": -0.4, "lost": 0.5},
+        "hysteresis": {"width": 0.15, "slope": 1.0, "rest_fraction": -0.4, "lost": 0.07},
         "asymmetric_hysteresis": {"bend": 0.03, "skew": 0.05, "reach": 0.3},
         "softening": {"kappa": 0.2, "about_mean": 0.5, "tau_s": 0.2, "exponent": 1.6},
         "charge_leakage": {"rate_per_s": 0.2},

@@ -15,7 +15,9 @@ from phaselead.model.effects.interface import (
     Samples,
     Signal,
     VirtualAxis,
+    columns,
     number,
+    with_columns,
 )
 from phaselead.model.operator import merged, rest_position_um, resting_at, weighed_plays
 
@@ -42,7 +44,7 @@ def thresholds_and_weights(signal: Signal, params: Params) -> tuple[Samples, Sam
 def lost_um_per_V(signal: Signal, params: Params) -> float:
     """What domain walls that open no loop take off the slope."""
     low, high = signal.span_V
-    return number(params, "lost") * number(params, "width") * signal.range_um / (high - low)
+    return number(params, "lost") * signal.range_um / (high - low)
 
 
 def plays(signal: Signal, params: Params) -> tuple[Samples, Samples, Samples]:
@@ -56,29 +58,22 @@ def start_V(signal: Signal, params: Params, r: Samples) -> Samples:
 
 
 def apply(signal: Signal, params: Params) -> Samples:
-    return signal.value + number(params, "width") * _column(signal, params)
+    return with_columns(signal, basis(signal, params), params, "width", "lost")
 
 
 def basis(signal: Signal, params: Params) -> Samples:
-    return _column(signal, params)[:, None]
-
-
-def _column(signal: Signal, params: Params) -> Samples:
-    of_one = {**params, "width": 1.0}
-    r, w = thresholds_and_weights(signal, of_one)
+    r, w = thresholds_and_weights(signal, {**params, "width": 1.0})
     v = signal.driven_V
-    start = start_V(signal, params, r)
-    lag = weighed_plays(v, r, w, start) - (float(w.sum()) + lost_um_per_V(signal, of_one)) * v
-    return lag - number(params, "rest_fraction") * float(w @ r)
+    loop = weighed_plays(v, r, w, start_V(signal, params, r)) - float(w.sum()) * v
+    flatter = -lost_um_per_V(signal, {"lost": 1.0}) * v
+    return columns(loop - number(params, "rest_fraction") * float(w @ r), flatter)
 
 
 def virtual(axis: VirtualAxis, given: CheckedParameters) -> None:
     width_um = given.one("width") * axis.range_um
     r, w = distributed(axis.range_V, width_um, given.one("reach", above=0.0), given.one("slope"))
     axis.plays(r.tolist(), w.tolist(), (given.one("rest_fraction") * r).tolist())
-    lost = given.one("lost")
-    if lost:
-        axis.slope(-lost * width_um / axis.range_V)
+    axis.slope(-given.one("lost") * axis.range_um / axis.range_V)
 
 
 def into_time_view(axis: AxisModel, view: TimeView, params: Params) -> TimeView:
@@ -100,13 +95,23 @@ EFFECT = Effect(
     place=Place.HYSTERESIS,
     order=0,
     becomes_plays=True,
-    equation="y = x + sum_i w_i (play_ri[v] - v) - lost width X / U v,  r_i = reach U/2 i/10,  "
+    equation="y = x + sum_i w_i (play_ri[v] - v) - lost X / U v,  r_i = reach U/2 i/10,  "
     "w_i ~ exp(slope i/10),  sum min(2 r_i, U - 2 r_i) w_i = width X",
     source="Kuhnen 2003, eqs. 5 and 8 (play operator, Prandtl-Ishlinskii superposition). Where a loop "
     "comes from domain walls, those that are pinned take travel off, and those that move back and forth add to it, and "
     "neither opens the loop; in soft ceramics walls make up to 70 % of the motion: Zhang, Wang, Kim and Cross 1994",
     parameters=(
         Parameter("width", "of range", 0.12, -0.2, 0.6, doc="opening of the full loop at its middle"),
+        Parameter(
+            "lost",
+            "of range",
+            0.1,
+            -0.5,
+            0.5,
+            absorbed_by_refit=True,
+            nameless=True,
+            doc="travel that goes with the loop beside what its plays take off, gained below 0; alone a change of gain",
+        ),
         Parameter(
             "reach", "1", 0.5, 0.02, 1.0, role="shape", log=True, doc="largest threshold, of half the voltage range"
         ),
@@ -120,16 +125,6 @@ EFFECT = Effect(
             role="shape",
             between_forms=True,
             doc="where the plays stand at rest, of r_i",
-        ),
-        Parameter(
-            "lost",
-            "1",
-            0.0,
-            -5.0,
-            5.0,
-            role="shape",
-            absorbed_by_refit=True,
-            doc="travel that goes with the loop beside what its plays take off, of the width; below 0 it is gained",
         ),
     ),
     shows="a loop of position over voltage that does not close as the frequency falls; odd harmonics; the way back "
