@@ -26,6 +26,8 @@ from any_stage import (
 
 from phaselead.errors import BadInput
 from phaselead.identify.fitting import _duration, fit
+from phaselead.identify.modal import measured_response
+from phaselead.identify.runs import driven_runs
 from phaselead.model.axis import LONGEST_DELAY_S
 from phaselead.model.effects.filters import resonant
 from phaselead.model.prediction import predict
@@ -87,7 +89,13 @@ def test_operator_modes_and_delay_are_found_together(mechanics):
         assert one == pytest.approx(true, rel=0.02)
     assert fitted.axis("x").time.delay_s == pytest.approx(stage.delay_s, abs=1e-5)
     assert left_um(fitted, held_out(stage, COARSE_HZ)) < 0.03
-    assert any(("a mode at" if mechanics else "shows no mode up to 6") in line for line in report.messages)
+    if mechanics:
+        assert any("a mode at" in line for line in report.messages)
+    else:
+        (up_to,) = (
+            one for one in (re.search(r"shows no mode up to (\d+) Hz", line) for line in report.messages) if one
+        )
+        assert float(up_to[1]) > 600  # the multisine ends there; steps drive more
 
 
 @pytest.mark.parametrize("lag_s", [6e-5, 3e-4])
@@ -281,6 +289,57 @@ def test_a_record_of_another_stage_is_named_however_quick(which):
     (line,) = [line for line in report.messages if "is it of this stage" in line]
     assert line.startswith("axis x: beside the odd one the fit leaves ")
     assert not any("is it of this stage" in line for line in fit(records)[1].messages)
+
+
+def sweep(level_V: float, to_Hz: float, seconds: float = 4.0) -> Array:
+    """Rising slowly to mid-range, standing there, and then sweeping about it from 5 Hz on."""
+    t = np.arange(round(seconds * COARSE_HZ)) / COARSE_HZ
+    up = np.linspace(0, 0.5 * ONE_MODE.span_V, round(COARSE_HZ))
+    swept = level_V * np.sin(2 * np.pi * (5 * t + (to_Hz - 5) * t**2 / (2 * seconds)))
+    return np.concatenate([up, np.full(round(COARSE_HZ / 2), up[-1]), up[-1] + swept])
+
+
+def scan(span_V: float, f_Hz: float = 17.0, seconds: float = 4.0) -> Array:
+    """A triangle over most of the range, as of the lines of an image."""
+    phase = np.arange(round(seconds * COARSE_HZ)) / COARSE_HZ * f_Hz % 1
+    return span_V * (0.9 - 0.8 * np.abs(2 * phase - 1))
+
+
+@pytest.mark.parametrize("level", [0.002, 0.01])
+@pytest.mark.parametrize("stands", [False, True])
+def test_a_small_sweep_through_the_mode_is_heard_beside_large_slow_records(level, stands):
+    """As a laboratory keeps a mode from ringing; ``stands``: its record begins where the stage already stood."""
+    stage = replace(ONE_MODE, modes=((1.0, 430.0, 0.01),))
+    quick = record_of(stage, sweep(level * stage.span_V, 600.0), COARSE_HZ, 7, "sweep")
+    if stands:
+        quick = later(quick, 1.25)
+    slow = laboratory(stage, COARSE_HZ, only=("sine", "ramp"))
+    fitted, _ = fit([*slow, record_of(stage, scan(stage.span_V), COARSE_HZ, 8, "scan"), quick])
+    ((_, f_Hz, zeta),) = modes_of(fitted)
+    assert f_Hz == pytest.approx(430.0, rel=2e-3)
+    assert zeta == pytest.approx(0.01, rel=0.1)
+
+
+@pytest.mark.parametrize("noise_um", [0.1, 1.0, 10.0])
+def test_a_noisy_record_takes_no_line_from_the_others(noise_um):
+    """A run counts by what is left of it: the response to a small sweep stays as clear beside any large record."""
+    quick = record_of(ONE_MODE, sweep(0.01 * ONE_MODE.span_V, 600.0), COARSE_HZ, 7, "sweep")
+    large = record_of(ONE_MODE, scan(ONE_MODE.span_V), COARSE_HZ, 8, "scan")
+    noisy = changed(large, x=lambda x_um: x_um + np.random.default_rng(9).normal(0, noise_um, len(x_um)))
+    alone, beside = (
+        measured_response([driven_runs(r)[0]["x"] for r in records]).unbroken for records in ([quick], [quick, noisy])
+    )
+    assert alone.f_Hz[-1] > 550
+    heard = np.isin(alone.f_Hz, beside.f_Hz)
+    assert heard[alone.f_Hz > 20].mean() > 0.98
+
+
+def later(r: Recording, seconds: float) -> Recording:
+    """The record without its first seconds."""
+    first, axis = round(seconds * r.rate_Hz), r.axes["x"]
+    assert axis.u_V is not None
+    assert axis.x_um is not None
+    return replace(r, t_s=r.t_s[first:], axes={"x": AxisRecord(axis.u_V[first:], axis.x_um[first:])})
 
 
 def test_of_two_records_none_is_the_odd_one(few):

@@ -18,7 +18,7 @@ from scipy.optimize import minimize
 
 from phaselead.identify.modal.shown_modes import measured_response, modes_shown
 from phaselead.identify.operator import OperatorFit, fit_linear, fit_operator, place_operator, refit_operator
-from phaselead.identify.runs import AxisRun
+from phaselead.identify.runs import STILL_V, AxisRun
 from phaselead.model import (
     AdoptedEffect,
     AxisModel,
@@ -158,7 +158,7 @@ def _squares(operator: OperatorFit, modes: tuple[Mode, ...], runs: Sequence[Axis
     errors = []
     beside = [*operator.beside_view(), *([effect_of_modes(modes)] if modes else [])]
     for run, came_from_V in zip(runs, _memories_of(operator), strict=True):
-        start = _plays_V(operator.view, came_from_V)
+        start = _plays_V(operator.view, came_from_V, run)
         axis = AxisModel(time=operator.view)
         answer = simulate(axis, run.t_s, run.u_V, extra=beside, start=start, turned_V=came_from_V)
         errors.append((run.x_um - answer)[run.scored] / run.range_um)
@@ -172,15 +172,16 @@ def _memories_of(operator: OperatorFit) -> list[float | None]:
 
 def _answer(view: TimeView, beside: Sequence[Entry], run: AxisRun, came_from_V: float | None) -> Samples:
     """The operator's (n,), from the memory that the fit found for this record."""
-    start = _plays_V(view, came_from_V)
+    start = _plays_V(view, came_from_V, run)
     return simulate(AxisModel(time=view), run.t_s, run.u_V, extra=beside, start=start, turned_V=came_from_V)
 
 
-def _plays_V(view: TimeView, came_from_V: float | None) -> Samples | None:
-    """Where the plays (m,) stand that came from there; None from rest."""
+def _plays_V(view: TimeView, came_from_V: float | None, run: AxisRun) -> Samples | None:
+    """Where the plays (m,) stand in the first row of a record: come from there, or else from rest; None at rest itself.
+    A stage that stands elsewhere did not jump there in that row, so that no mode rings of it."""
+    r, first_V = np.asarray(view.play_r_V), float(run.u_V[0])
     if came_from_V is None:
-        return None
-    r = np.asarray(view.play_r_V)
+        return np.clip(view.rest_fraction * r, first_V - r, first_V + r) if abs(first_V) > STILL_V else None
     return np.clip(view.rest_fraction * r, came_from_V - r, came_from_V + r)
 
 

@@ -31,6 +31,8 @@ MISFIT = 0.05
 """Of the response: hysteresis answers small and large motion with gains that differ by this much and more."""
 CLEAR = 0.3
 """Relative standard error of the response up to which a line is used."""
+FEWEST_WINDOWS = 4
+"""Of a run that tells by itself how much is left of it."""
 SMOOTH_LINES = 9
 """Over which the spectrum of what is left is smoothed."""
 FEWEST_LINES = 24
@@ -85,19 +87,36 @@ class MeasuredResponse:
 
 
 def measured_response(runs: Sequence[AxisRun]) -> MeasuredResponse:
-    """Over all runs, at the lines where the drive stands out; no lines where it does nowhere."""
+    """Over all runs, at the lines where the drive stands out; no lines where it does nowhere.
+
+    A run counts by what is left of it: what hysteresis leaves of a large slow one hides no small quick one. Runs of too
+    few windows to know that are taken together.
+    """
     length = _window_rows(runs)
-    spectra = np.concatenate([_spectra(run, length) for run in runs], axis=1)  # (u and x, windows, lines)
+    spectra = [_spectra(run, length) for run in runs]
+    alone = [one for one in spectra if one.shape[1] >= FEWEST_WINDOWS]
+    together = [one for one in spectra if one.shape[1] < FEWEST_WINDOWS]
+    groups = [*alone, *([np.concatenate(together, axis=1)] if together else [])]
+    values, variances = (np.array(v) for v in zip(*(_response_of(group) for group in groups), strict=True))
+    weights = 1 / np.maximum(variances, 1e-300)
+    weight = weights.sum(axis=0)
+    value = (weights * values).sum(axis=0) / weight
+    apart = (weights * np.abs(values - value) ** 2).sum(axis=0) / max(len(groups) - 1, 1)
+    std = np.sqrt(np.maximum(apart, 1.0) / weight)
+    f_Hz = np.fft.rfftfreq(length, runs[0].step_s)
+    use = (std < CLEAR * np.abs(value)) & (f_Hz > 0)
+    return MeasuredResponse(f_Hz[use], value[use], std[use])
+
+
+def _response_of(spectra: NDArray[np.complex128]) -> tuple[Complex, Samples]:
+    """The response (lines,) and its variance, infinite where nothing is driven, from windows (2, windows, lines)."""
     u, x = spectra
     drive, across, answer = (np.sum(v, axis=0) for v in (np.abs(u) ** 2, x * u.conj(), np.abs(x) ** 2))
-    f_Hz = np.fft.rfftfreq(length, runs[0].step_s)
     driven = drive > 0
     value = np.where(driven, across / np.where(driven, drive, 1.0), 0.0)
     windows = np.where(driven, drive**2 / np.maximum(np.sum(np.abs(u) ** 4, axis=0), 1e-300), 1.0)
-    left = np.maximum(answer - np.abs(value) ** 2 * drive, 0.0) / np.maximum(1 - 1 / windows, 0.2) / len(u)
-    std = np.sqrt(_smoothed(left) * len(u) / np.maximum(drive * windows, 1e-300))
-    use = driven & (std < CLEAR * np.abs(value)) & (f_Hz > 0)
-    return MeasuredResponse(f_Hz[use], value[use], std[use])
+    left = np.maximum(answer - np.abs(value) ** 2 * drive, 0.0) / np.maximum(1 - 1 / windows, 0.2)
+    return value, np.where(driven, _smoothed(left) / np.maximum(drive * windows, 1e-300), np.inf)
 
 
 def _window_rows(runs: Sequence[AxisRun]) -> int:
