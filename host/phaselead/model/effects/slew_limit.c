@@ -18,8 +18,8 @@ static double slow_part(double far, double rise, double lag)
     return p;
 }
 
-/* The same by z = artanh(p): rise tanh(z) + lag (z - tanh(z)) = far. Its slope is rise at 0 and lag far out, and changes
- * one way only: from the nearer of both tangents, Newton's steps come from one side. */
+/* The same by z = artanh(p): rise tanh(z) + lag (z - tanh(z)) = far. Its slope is rise at 0 and lag far out, and
+ * changes one way only: from the nearer of both tangents, Newton's steps come from one side. */
 static double part(double far, double rise, double lag)
 {
     if (far < SLOW * rise && lag < rise)
