@@ -199,7 +199,7 @@ def test_a_known_mode_is_not_swept_across_unasked(run, stage_file, tmp_path):
     words = ("gap", "next", tmp_path / "gap.json", "--model", stage_file, "-o", tmp_path / "more.h5")
     outcome = run(*words)
     assert outcome.status == 2
-    assert "across its mode at 200" in outcome.err
+    assert re.search(r"across its mode at (199\.\d|200(\.\d)?) Hz", outcome.err)
     assert not (tmp_path / "more.h5").exists()
     assert run(*words, "--yes", "--json", tmp_path / "facts.json").status == 0
     assert json.loads((tmp_path / "facts.json").read_text())["samples"] == 2000

@@ -37,18 +37,20 @@ def test_a_lag_that_the_base_lacks_looks_like_a_small_one(name, times):
 
 
 @pytest.mark.parametrize(
-    ("name", "params"), [("saturation", {"top": 0.2, "bottom": 0.0}), ("slew_limit", {"traverse_s": 0.3})]
+    ("name", "params"),
+    [("saturation", {"top": 0.2, "bottom": 0.0}), ("slew_limit", {"traverse_s": 0.3, "loop_s": 2e-5})],
 )
 def test_what_shows_beyond_a_size_alone_may_be_lacking_at_that_size(name, params):
     """At its typical size it does nothing in this record."""
     u_V = 4 + 3 * np.sin(2 * np.pi * 2 * T_s)
     one, modelled = effect(name), modelled_run(AxisModel(time=VIEW), replace(RUN, u_V=u_V, x_um=8 * u_V))
-    assert np.ptp(modelled.answer([(one, {**one.typical, **dict.fromkeys(params, 0.01)})]) - modelled.answer()) < 1e-9
+    typical = {**params, **{size.name: 0.01 for size in one.sizes}}
+    assert np.ptp(modelled.answer([(one, typical)]) - modelled.answer()) < 1e-4
     assert np.linalg.norm(as_fault(modelled, [(one, params)]), axis=0)[0] > 1.0
 
 
 def test_shapes_are_as_near_as_the_found_ones():
     one = effect("hysteresis")
     modelled = modelled_run(AxisModel(time=VIEW), RUN)
-    small, large = (as_fault(modelled, [(one, {**one.typical, "width": w})])[:, 1:] for w in (0.12, 0.48))
+    small, large = (as_fault(modelled, [(one, {**one.typical, "width": w})])[:, 2:] for w in (0.12, 0.48))
     assert np.allclose(large, 4 * small)

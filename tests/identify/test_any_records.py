@@ -334,6 +334,19 @@ def test_a_noisy_record_takes_no_line_from_the_others(noise_um):
     assert heard[alone.f_Hz > 20].mean() > 0.98
 
 
+def test_a_short_record_does_not_take_the_response_over():
+    """Of one window, that its own response meets exactly, whatever the noise."""
+    quick = record_of(ONE_MODE, sweep(0.01 * ONE_MODE.span_V, 600.0), COARSE_HZ, 7, "sweep")
+    short = changed(later(quick, 4.6), x=lambda x_um: x_um + np.random.default_rng(9).normal(0, 3, len(x_um)))
+    alone, beside = (
+        measured_response([driven_runs(r)[0]["x"] for r in records]) for records in ([quick], [quick, short])
+    )
+    both = np.intersect1d(alone.f_Hz, beside.f_Hz)
+    before, after = (one.value[np.isin(one.f_Hz, both)] for one in (alone, beside))
+    assert len(both) > 0.9 * len(alone.f_Hz)
+    assert np.median(np.abs(after / before - 1)) < 0.1
+
+
 def later(r: Recording, seconds: float) -> Recording:
     """The record without its first seconds."""
     first, axis = round(seconds * r.rate_Hz), r.axes["x"]

@@ -37,7 +37,7 @@ NOISES = [name for name, effect in catalogue().items() if effect.variance is not
 def sizes(name):
     """Large enough to stand out of the converter's steps."""
     larger = {
-        "slew_limit": {"traverse_s": 0.2},
+        "slew_limit": {"traverse_s": 0.15, "loop_s": 5e-3},
         "offset": {"offset_um": 1.0},
         "dac_nonlinearity": {"bow_LSB": 100.0, "bit1_LSB": 30.0, "bit2_LSB": -80.0, "bit4_LSB": 60.0, "bit5_LSB": 50.0},
         "thermal_drift": {"ramp_um_per_s": 0.2, "rise_um": 3.0, "tau_s": 6.0},

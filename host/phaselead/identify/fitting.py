@@ -10,7 +10,7 @@ from typing import Any, Literal
 from phaselead.errors import BadInput, more_like_it
 from phaselead.identify.coupling import CouplingMatrix, cross_coupling, decoupled
 from phaselead.identify.modal import FittedModes, fit_straight, fit_together, measured_response
-from phaselead.identify.odd_record import about_apart, about_scale, refuse_unlike_others
+from phaselead.identify.odd_record import about_scale, about_unlike_record, refuse_unlike_others
 from phaselead.identify.operator import OperatorFit
 from phaselead.identify.runs import (
     SAME_RATE,
@@ -140,7 +140,7 @@ def fit(
             if base == "operator":
                 refuse_without_loop(axis_runs)
                 found, mode = fit_together(forward)
-                messages += about_scale(axis, axis_runs) or about_apart(axis, forward, found)
+                messages += about_scale(axis, axis_runs) or about_unlike_record(axis, forward, found, mode)
                 messages += _about_stillness(axis, axis_runs)
                 messages += _about_modes(axis, mode, axis_runs, alone=axis not in together)
                 messages += _about_lag(axis, found)

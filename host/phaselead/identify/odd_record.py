@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from phaselead.errors import BadInput, more_like_it
-from phaselead.identify.modal import fit_together
+from phaselead.identify.modal import FittedModes, fit_together, shares_left
 from phaselead.identify.operator import OperatorFit
 from phaselead.identify.runs import AxisRun
 from phaselead.model import out_of_scale
@@ -58,20 +59,22 @@ def about_scale(axis: str, runs: Sequence[AxisRun]) -> list[str]:
     ]
 
 
-def about_apart(axis: str, runs: Sequence[AxisRun], found: OperatorFit) -> list[str]:
+def about_unlike_record(axis: str, runs: Sequence[AxisRun], found: OperatorFit, modes: FittedModes | None) -> list[str]:
     """What to say of the record that the fit of all leaves most of, where the others are described far better without
     it. It costs a second fit, which is made only where the first leaves more than of one stage."""
-    shares = [one.rms_um / one.range_um for one in found.records]
+    if len(runs) < FEWEST:
+        return []
+    shares = _left(found, modes, runs)
     odd = int(np.argmax(shares))
-    if len(runs) < FEWEST or shares[odd] <= OF_ONE_STAGE:
+    if shares[odd] <= OF_ONE_STAGE:
         return []
     rest = [i for i in range(len(runs)) if i != odd]
+    others = [runs[i] for i in rest]
     try:
-        without, _ = fit_together([runs[i] for i in rest])
+        alone = max(_left(*fit_together(others), others))
     except BadInput:  # the others alone cannot be fitted
         return []
     with_it = max(shares[i] for i in rest)
-    alone = max(one.rms_um / one.range_um for one in without.records)
     if with_it <= MUCH_BETTER * alone:
         return []
     return [
@@ -79,3 +82,10 @@ def about_apart(axis: str, runs: Sequence[AxisRun], found: OperatorFit) -> list[
         f"another record, without it {digits(100 * alone, 2)} %: is it of this stage, and are its units, signs and "
         "columns right? Leave it out, or fit it apart"
     ]
+
+
+def _left(found: OperatorFit, modes: FittedModes | None, runs: Sequence[AxisRun]) -> list[float]:
+    """Of each run, rms in its own range."""
+    if modes is None:
+        return shares_left(found, (), runs)
+    return shares_left(replace(found, view=modes.adopted(found.view)[0]), modes.modes, runs)

@@ -2,6 +2,8 @@
 
 u -> converter -> timing -> amplifier -> hysteresis operator -> hysteresis effects -> creep -> mechanics
   -> coupling -> sensor -> environment -> x
+
+The delay (timing) is applied where the amplifier begins to lag.
 """
 
 from __future__ import annotations
@@ -191,8 +193,8 @@ class _Link(NamedTuple):
 def _links(view: TimeView, entries: Sequence[Entry], made: Mapping[int, _Link]) -> list[_Link]:
     """Every step in order. ``made``: links there are, by their entry's id.
 
-    Delays add up, and are made where the amplifier begins to lag: what comes before does not depend on when, so that a
-    delay may as well come behind it, and sees the voltage as it runs between its rows. A delay would bend that.
+    Delays add up. What comes before the amplifier's lags is time-invariant and sees the voltage as it runs between its
+    rows, so the delay is applied behind it; applied before, it would smooth the corners at the rows.
     """
     delay_s = view.delay_s + sum(e.dead_time_s(params) for e, params in entries if e.dead_time_s is not None)
 

@@ -15,13 +15,13 @@ MOSTLY = 0.5
 def counts_backwards(pairs: Iterable[tuple[Samples, Samples]]) -> bool:
     """Whether the position falls where the voltage rises, slowly; voltages and positions (n,) of each record.
 
-    Each counts by its correlation: one in which something else moves the stage, as creep beside a small sweep, says
+    Each counts by how far it was driven, and by its correlation: a small sweep, during which the stage creeps, says
     little.
     """
     slow = 0.0
     for voltage, position in pairs:
         u, x = summed(voltage), summed(position)
-        slow += float(u @ x) / (float(np.linalg.norm(u) * np.linalg.norm(x)) or 1.0)
+        slow += float(u @ x) / (float(np.linalg.norm(x)) or 1.0)
     return slow < 0
 
 

@@ -9,7 +9,7 @@ from phaselead.identify.modal.frequency_domain import (
     frequency_response,
 )
 from phaselead.identify.modal.model import Drive, ModalModel
-from phaselead.identify.modal.one_axis import FittedModes, fit_straight, fit_together
+from phaselead.identify.modal.one_axis import FittedModes, fit_straight, fit_together, shares_left
 from phaselead.identify.modal.scoring import score_test
 from phaselead.identify.modal.shown_modes import measured_response
 from phaselead.identify.modal.time_domain import Drives, ModalFit, Shaping, fit_modes
@@ -30,4 +30,5 @@ __all__ = [
     "frequency_response",
     "measured_response",
     "score_test",
+    "shares_left",
 ]

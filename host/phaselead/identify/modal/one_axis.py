@@ -155,18 +155,23 @@ def _believed(
 
 def _squares(operator: OperatorFit, modes: tuple[Mode, ...], runs: Sequence[AxisRun]) -> float:
     """Squared residual, each run in its own range."""
-    errors = []
+    return sum(share**2 for share in shares_left(operator, modes, runs))
+
+
+def shares_left(operator: OperatorFit, modes: tuple[Mode, ...], runs: Sequence[AxisRun]) -> list[float]:
+    """What operator and modes leave of each run, rms about its mean in its own range."""
+    left = []
     beside = [*operator.beside_view(), *([effect_of_modes(modes)] if modes else [])]
     for run, came_from_V in zip(runs, _memories_of(operator), strict=True):
         start = _plays_V(operator.view, came_from_V, run)
         axis = AxisModel(time=operator.view)
         answer = simulate(axis, run.t_s, run.u_V, extra=beside, start=start, turned_V=came_from_V)
-        errors.append((run.x_um - answer)[run.scored] / run.range_um)
-    return sum(float(np.var(error)) for error in errors)
+        left.append(float(np.std((run.x_um - answer)[run.scored])) / run.range_um)
+    return left
 
 
 def _memories_of(operator: OperatorFit) -> list[float | None]:
-    """Of each of its records, the voltage at which the stage last turned round before it; None is from rest."""
+    """Of each of its records, the voltage at which the stage last turned round before it; None where nothing tells."""
     return [record.came_from_V for record in operator.records]
 
 
@@ -177,12 +182,12 @@ def _answer(view: TimeView, beside: Sequence[Entry], run: AxisRun, came_from_V: 
 
 
 def _plays_V(view: TimeView, came_from_V: float | None, run: AxisRun) -> Samples | None:
-    """Where the plays (m,) stand in the first row of a record: come from there, or else from rest; None at rest itself.
-    A stage that stands elsewhere did not jump there in that row, so that no mode rings of it."""
+    """Where the plays (m,) stand in the first row of a record. Where nothing tells from where it came it was from rest:
+    None at 0 V; elsewhere the stage stood there when the record began, and no mode rings of the way."""
     r, first_V = np.asarray(view.play_r_V), float(run.u_V[0])
-    if came_from_V is None:
-        return np.clip(view.rest_fraction * r, first_V - r, first_V + r) if abs(first_V) > STILL_V else None
-    return np.clip(view.rest_fraction * r, came_from_V - r, came_from_V + r)
+    if came_from_V is not None:
+        return np.clip(view.rest_fraction * r, came_from_V - r, came_from_V + r)
+    return np.clip(view.rest_fraction * r, first_V - r, first_V + r) if abs(first_V) > STILL_V else None
 
 
 @dataclass(frozen=True)

@@ -16,6 +16,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +26,8 @@ from phaselead.identify.runs import AxisRun
 from phaselead.model import Complex, Mode
 from phaselead.record import Samples
 
+Lines = TypeVar("Lines", Samples, Complex)
+
 WINDOWS, SHORTEST_WINDOW, LONGEST_WINDOW = 6, 256, 16384
 """A record is cut into about so many half-overlapping windows, of so many rows."""
 MISFIT = 0.05
@@ -32,7 +35,7 @@ MISFIT = 0.05
 CLEAR = 0.3
 """Relative standard error of the response up to which a line is used."""
 FEWEST_WINDOWS = 4
-"""Of a run that tells by itself how much is left of it."""
+"""Of a run whose own windows say how much is left of it: one window is met exactly, so that nothing seems left."""
 SMOOTH_LINES = 9
 """Over which the spectrum of what is left is smoothed."""
 FEWEST_LINES = 24
@@ -94,17 +97,19 @@ def measured_response(runs: Sequence[AxisRun]) -> MeasuredResponse:
     """
     length = _window_rows(runs)
     spectra = [_spectra(run, length) for run in runs]
-    alone = [one for one in spectra if one.shape[1] >= FEWEST_WINDOWS]
-    together = [one for one in spectra if one.shape[1] < FEWEST_WINDOWS]
-    groups = [*alone, *([np.concatenate(together, axis=1)] if together else [])]
+    groups = [one for one in spectra if one.shape[1] >= FEWEST_WINDOWS]
+    short = [one for one in spectra if one.shape[1] < FEWEST_WINDOWS]
+    if short:
+        groups.append(np.concatenate(short, axis=1))
     values, variances = (np.array(v) for v in zip(*(_response_of(group) for group in groups), strict=True))
     weights = 1 / np.maximum(variances, 1e-300)
-    weight = weights.sum(axis=0)
+    driven = np.isfinite(variances).any(axis=0)
+    weight = np.where(driven, weights.sum(axis=0), 1.0)
     value = (weights * values).sum(axis=0) / weight
     apart = (weights * np.abs(values - value) ** 2).sum(axis=0) / max(len(groups) - 1, 1)
     std = np.sqrt(np.maximum(apart, 1.0) / weight)
     f_Hz = np.fft.rfftfreq(length, runs[0].step_s)
-    use = (std < CLEAR * np.abs(value)) & (f_Hz > 0)
+    use = driven & (std < CLEAR * np.abs(value)) & (f_Hz > 0)
     return MeasuredResponse(f_Hz[use], value[use], std[use])
 
 
@@ -116,6 +121,8 @@ def _response_of(spectra: NDArray[np.complex128]) -> tuple[Complex, Samples]:
     value = np.where(driven, across / np.where(driven, drive, 1.0), 0.0)
     windows = np.where(driven, drive**2 / np.maximum(np.sum(np.abs(u) ** 4, axis=0), 1e-300), 1.0)
     left = np.maximum(answer - np.abs(value) ** 2 * drive, 0.0) / np.maximum(1 - 1 / windows, 0.2)
+    if u.shape[0] < FEWEST_WINDOWS:  # what is left of a line is told by its neighbours
+        left = _smoothed(answer) - np.abs(_smoothed(across)) ** 2 / np.maximum(_smoothed(drive), 1e-300)
     return value, np.where(driven, _smoothed(left) / np.maximum(drive * windows, 1e-300), np.inf)
 
 
@@ -133,8 +140,8 @@ def _spectra(run: AxisRun, length: int) -> NDArray[np.complex128]:
     return np.asarray(np.fft.rfft(parts * np.hanning(length + 1)[:-1], axis=2))
 
 
-def _smoothed(power: Samples) -> Samples:
-    around = np.lib.stride_tricks.sliding_window_view(np.pad(power, SMOOTH_LINES // 2, mode="edge"), SMOOTH_LINES)
+def _smoothed(values: Lines) -> Lines:
+    around = np.lib.stride_tricks.sliding_window_view(np.pad(values, SMOOTH_LINES // 2, mode="edge"), SMOOTH_LINES)
     return np.asarray(around.mean(axis=1))
 
 

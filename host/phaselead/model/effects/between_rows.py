@@ -7,7 +7,6 @@ middle.
 from __future__ import annotations
 
 import numpy as np
-from scipy.linalg import solveh_banded
 
 from phaselead.record import Samples
 
@@ -38,8 +37,11 @@ def straight(x: Samples, fine: int) -> Samples:
 def nearest_straight(y: Samples, fine: int) -> Samples:
     """Rows (n,) of which the straight lines between them come nearest to ``y`` (n fine - fine + 1,), by least squares.
 
-    What follows takes a signal to be straight there: a corner of it between two rows is then passed on with its area.
+    What follows takes a signal to be straight there: a corner of it between two rows is then passed on with most of its
+    area. No row leaves the range of ``y`` between its neighbours, for a memory would keep that; the first is kept.
     """
+    from scipy.linalg import solveh_banded  # here, since it is slow to import
+
     if len(y) == 1:
         return y
     hat = 1 - np.abs(np.arange(1 - fine, fine)) / fine
@@ -49,4 +51,9 @@ def nearest_straight(y: Samples, fine: int) -> Samples:
     normal[0] = falling[1:] @ falling[:0:-1]
     normal[1] = hat @ hat
     normal[1, [0, -1]] = falling @ falling
-    return np.asarray(solveh_banded(normal, sums))
+    found = np.asarray(solveh_banded(normal, sums))
+    reach = np.pad(y, fine, mode="edge")
+    around = np.lib.stride_tricks.sliding_window_view(reach, 2 * fine + 1)[::fine]
+    found = np.clip(found, around.min(axis=1), around.max(axis=1))
+    found[0] = y[0]
+    return np.asarray(found)

@@ -4,6 +4,7 @@
 
 #define MOST_STEPS 60 /* Newton's; three do unless far beyond the limit */
 #define NEAR 1e-6     /* of z: a step after such a one would be 1e-12 */
+#define SHARP 1e-12   /* of the way of a row: a lag that has no digits left */
 #define SLOW 0.1      /* of the limit: five terms of artanh then have 11 digits */
 
 /* p >= 0 with rise p + lag (artanh(p) - p) = far, that is a little below far / rise. */
@@ -46,7 +47,7 @@ void stage_slew(size_t n, const double *x, double rise, double lag, double *y)
     double at = n ? x[0] : 0.0;
     for (size_t k = 0; k < n; k++) {
         double far = x[k] - at;
-        if (lag > 0)
+        if (lag > SHARP * rise)
             at += copysign(rise * part(fabs(far), rise, lag), far);
         else
             at = far > rise ? at + rise : far < -rise ? at - rise : x[k];

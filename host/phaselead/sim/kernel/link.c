@@ -4,7 +4,7 @@
 #include <math.h>
 #include <string.h>
 
-#define SLEW_HALVINGS 50
+#define SLEW_HALVINGS 50 /* to 1e-15 of the largest rate */
 
 static double clamp(double x, double low, double high)
 {
@@ -172,8 +172,8 @@ static double crossover_step(struct link *link, double x)
     return aim - n[1] * (drive - link->held - off) / link->step_s;
 }
 
-/* The part p of the largest rate at which x - y = tau (R artanh(p) - dy/dt) holds at the end of the substep. Halving
- * finds it: what is sought rises with p, from nothing to more than any distance. */
+/* The part p of the largest rate at which x - y = tau (R artanh(p) - dy/dt) holds at the end of the substep, by
+ * halving: what is sought rises with p. Beyond its reach p is 1 but for rounding. */
 static double slew_step(const struct link *link, double x)
 {
     const double *n = link->with->number;
