@@ -208,13 +208,12 @@ def _links(view: TimeView, entries: Sequence[Entry], made: Mapping[int, _Link]) 
     at_once = list(takewhile(lambda entry: entry[0].place <= Place.AMPLIFIER and entry[0].lag_s is None, others))
     lags = list(takewhile(_lags_in_amplifier, others[len(at_once) :]))
     rest = others[len(at_once) + len(lags) :]
-    first_behind = next((i for i, (e, _) in enumerate(rest) if e.place > Place.AMPLIFIER), len(rest))
     return [
         *links(at_once),
         _late_lags(lags, delay_s) if lags else _late(delay_s),
-        *links(rest[:first_behind]),
+        *links(entry for entry in rest if entry[0].place <= Place.AMPLIFIER),
         _Link(_Step(OPERATOR, (), Place.HYSTERESIS, 0), operator),
-        *links(rest[first_behind:]),
+        *links(entry for entry in rest if entry[0].place > Place.AMPLIFIER),
     ]
 
 
