@@ -30,6 +30,8 @@ TAUS_s = (0.1, 0.3, 1.0, 3.0)
 """Memories of the level that are tried."""
 EXPONENTS = (0.5, 2.0)
 """Powers of the level that are tried beside Rayleigh's 1."""
+LEVELS_OF_A_POWER = 3
+"""Fewest levels that determine the power: a pole and its shift have two values, which follow two levels under any."""
 STEPS, SOFT_STEPS, LAST_STEPS, EXPONENT_STEPS = 10, 20, 6, 12
 """Most steps of a fit of the modes, of one with softening, of a last refinement, and under another exponent."""
 
@@ -141,7 +143,7 @@ def fit_softening(
         begin = _with_exponent(train, front, best, start.split, exponent, start.modes_kept)
         powers[exponent] = fitted(replace(front, exponent=exponent), *begin, EXPONENT_STEPS, best.weights)
     left = {exponent: _squares_left(train, fit, replace(front, exponent=exponent)) for exponent, fit in powers.items()}
-    exponents = _between(left, effect_of("level").parameter("exponent"))
+    exponents = _exponents(left, train)
     if (exponents[0], exponents[1]) != (min(left), max(left)):
         front = replace(front, exponent=_best_at_rest(left, powers))
         exponents = (min(exponents[0], front.exponent), max(exponents[1], front.exponent))
@@ -220,6 +222,12 @@ def _squares_left(train: Sequence[JointRecord], fit: ModalFit, front: InFront) -
         error = (drive.x_um - fit.model.answer(drive))[drive.rows]
         total += weight * float(np.sum((error - error.mean(axis=0)) ** 2))
     return total
+
+
+def _exponents(left: Mapping[float, float], train: Sequence[JointRecord]) -> tuple[float, float]:
+    """Interval in which the power may lie; the whole range where the records have too few levels to determine it."""
+    shape = effect_of("level").parameter("exponent")
+    return _between(left, shape) if len(level_groups(train)) >= LEVELS_OF_A_POWER else (shape.low, shape.high)
 
 
 def _between(left: Mapping[float, float], shape: Parameter) -> tuple[float, float]:
