@@ -146,6 +146,19 @@ def test_what_cannot_be_exchanged_or_is_no_smoother_is_in_no_doubt():
     assert not doubts_about(replace(named(x_um, u_V), meta={"target": "host"}))
 
 
+def test_a_coarse_converter_is_no_sensor():
+    """A small slow sweep in steps of 12 bits, on a stage that creeps much farther and has a fine sensor."""
+    time_s = np.arange(4000) / 1e3
+    drive_V = 2 * np.sin(2 * np.pi * 5 * time_s)
+    position_um = 2 * drive_V + 10 * time_s + 1e-3 * np.random.default_rng(5).normal(size=len(time_s))
+    step_V = 20 / 4096
+    coarse_V = np.round(drive_V / step_V) * step_V
+    assert not doubts_about(from_columns({"t_s": time_s, "u_V": coarse_V, "x_um": position_um}))
+    noisy_V = np.random.default_rng(6).normal(drive_V, 2 * step_V)
+    sensor_V = np.round(noisy_V / step_V) * step_V
+    assert doubts_about(from_columns({"t_s": time_s, "u_V": sensor_V, "x_um": position_um}))
+
+
 def test_arrays_of_numpy_and_matlab(tmp_path):
     np.savez(tmp_path / "rig.npz", time=t_s, drive_V=u_V, sensor_nm=1e3 * x_um)
     savemat(tmp_path / "rig.mat", {"data": {"t": t_s, "u": u_V, "x": x_um}, "gain": 2.0})
