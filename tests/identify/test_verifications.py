@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import re
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from phaselead.api import recording, verify
 from phaselead.errors import BadInput
-from phaselead.model import AxisModel, Stage, TimeView
+from phaselead.model import AdoptedEffect, AxisModel, Stage, TimeView, simulate
 from phaselead.record import Recording
 
 RATE_HZ = 500.0
@@ -62,3 +65,34 @@ def test_a_view_that_is_not_there_is_told_in_the_words_of_both():
     """From Python the remedy was an option of the command line."""
     with pytest.raises(BadInput, match=r'has no table view.*--view time \(in Python view="time"\)'):
         verify(STAGE, record(), view="table")
+
+
+RINGING = Stage(
+    name="mode",
+    axes={"x": AxisModel(time=VIEW, effects=(AdoptedEffect(name="resonance", params={"f_Hz": 60.0, "zeta": 0.1}),))},
+)
+
+
+def ringing(stood: bool) -> Recording:
+    """From 1 V on, of a stage that had long stood there, or of one that was switched there in the first row."""
+    u_V = 1 + 2 * np.sin(2 * np.pi * 5 * T_s)
+    before_V = np.full(2000, 1.0 if stood else 0.0)
+    t_s = np.arange(-len(before_V), len(T_s)) / RATE_HZ
+    x_um = simulate(RINGING.axis("x"), t_s, np.r_[before_V, u_V])[len(before_V) :]
+    noise_um = np.random.default_rng(2).normal(0, 0.01, len(T_s))
+    return recording(t_s=T_s, u_V=u_V, x_um=x_um + noise_um, source="rec.csv")
+
+
+def test_a_stage_that_had_stood_where_a_record_begins_is_told_from_which_time_it_counts():
+    (line,) = verify(RINGING, [ringing(stood=True)] * 2).doubts
+    assert line.endswith("(1 more like it)")
+    assert "rec.csv: begins at 1 V and counts as a step from rest at 0 V, which leaves up to" in line
+    after_s = float(re.search(r" @([\d.]+):", line)[1])
+    late = replace(ringing(stood=True), scored=slice(int(np.searchsorted(T_s, after_s)), None))
+    found = verify(RINGING, late)
+    assert found[0].max_um < 0.1
+    assert found.doubts == []
+
+
+def test_a_step_in_the_first_row_is_in_no_doubt():
+    assert verify(RINGING, ringing(stood=False)).doubts == []

@@ -44,6 +44,8 @@ SAME = 0.02
 """Levels or frequencies closer than this, relatively, are one."""
 TURN_SHARE = 0.02
 """Of the span of a voltage: a smaller turn is noise or a hesitation."""
+START_SHARE = 0.01
+"""Of its span: a voltage that begins closer to 0 V begins there."""
 JUMP_SHARE = 0.05
 """A change of voltage between two rows beyond this share of its span, and far beyond the usual, is a jump."""
 
@@ -90,6 +92,11 @@ class AxisRun:
     def turning_rows(self) -> NDArray[np.uintp]:
         """The rows, ascending, after which the voltage, 0 V before the record, goes the other way."""
         return turning_rows(self.u_V)
+
+    @property
+    def begins_at_0_V(self) -> bool:
+        """Whether the voltage begins there."""
+        return abs(float(self.u_V[0])) < START_SHARE * float(np.ptp(self.u_V))
 
     @property
     def range_um(self) -> float:

@@ -8,12 +8,14 @@ from typing import Any, Literal
 
 import numpy as np
 
-from phaselead.errors import BadInput
+from phaselead.errors import BadInput, more_like_it
 from phaselead.identify.runs import AxisRun, driven_runs
 from phaselead.model import Stage, TableView, predict
 from phaselead.record import Recording, Samples, slow_gain
 
 View = Literal["time", "table"]
+CLEARLY_BETTER = 2.0
+"""Times smaller, of a largest error."""
 TIME_VIEW = 'judge the time view: --view time (in Python view="time")'
 
 
@@ -69,6 +71,38 @@ def verify(
                 model = x[run.scored]
             found.append(_judge(run, model, refit_offset, sha256))
     return found
+
+
+def stood_elsewhere(stage: Stage, recordings: Sequence[Recording]) -> list[str]:
+    """A line, for all in one, where a driven axis of a recording does not begin at 0 V and the time view describes it
+    clearly better if the stage had long stood there, than by the step from rest at 0 V that it is judged by."""
+    found = []
+    for recording in recordings:
+        runs, _ = driven_runs(recording)
+        away = {name: run for name, run in runs.items() if not run.scored.start and not run.begins_at_0_V}
+        if not away:
+            continue
+        stepped, stood = predict(stage, recording), predict(stage, recording, stood=True)
+        for name, run in away.items():
+            line = _stood(run, stepped.axes[name].x_um, stood.axes[name].x_um)
+            found += [line] if line else []
+    return [found[0] + more_like_it(len(found) - 1)] if found else []
+
+
+def _stood(run: AxisRun, stepped_um: Samples | None, stood_um: Samples | None) -> str:
+    """What to say of a run for which the two predictions (n,) in um differ; nothing where that is not clearly wrong."""
+    assert stepped_um is not None
+    assert stood_um is not None
+    as_step, as_stood = (np.abs(run.x_um - x_um)[run.scored] for x_um in (stepped_um, stood_um))
+    if as_step.max() < CLEARLY_BETTER * as_stood.max():
+        return ""
+    differ = np.flatnonzero(np.abs(stepped_um - stood_um)[run.scored] > as_stood.mean())
+    after_s = float(run.t_s[run.scored][min(differ[-1] + 1, len(as_step) - 1)])
+    return (
+        f"{run.source}: begins at {run.u_V[0]:.3g} V and counts as a step from rest at 0 V, which leaves up to "
+        f"{as_step.max():.3g} um; a stage that had long stood there would leave {as_stood.max():.3g}: if yours had, "
+        f"score only what comes after, with the window @{after_s:.3g}:"
+    )
 
 
 def _judge(run: AxisRun, model: Samples, refit_offset: bool, sha256: str) -> Verification:

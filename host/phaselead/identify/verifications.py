@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, get_args
 
 from phaselead.errors import BadInput, more_like_it
 from phaselead.identify.runs import usable
-from phaselead.identify.verification import Verification, View, verification_dict, verify
+from phaselead.identify.verification import Verification, View, stood_elsewhere, verification_dict, verify
 from phaselead.model import Stage, driven_far_beyond, out_of_scale, scale_doubt
 from phaselead.record import Recording
 from phaselead.result import Result, Table
@@ -106,6 +106,7 @@ def judge(
     kept, left_out = usable(recordings)
     found = verify(stage, kept, view, refit_offset=refit_offset)
     doubts = [*driven_far_beyond(stage, kept), *_out_of_scale(found)]
+    doubts += stood_elsewhere(stage, kept) if view == "time" else []
     return Verifications(found, view, model, stage.sha256, left_out, doubts)
 
 

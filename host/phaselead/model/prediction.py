@@ -9,6 +9,7 @@ from phaselead.errors import BadInput
 from phaselead.model.axis import TimeView
 from phaselead.model.chain import Chain
 from phaselead.model.effects import Entry, Place, effect_of_shares
+from phaselead.model.operator import respond, rest_plays
 from phaselead.model.stage_file import Stage
 from phaselead.record import AXES, AxisRecord, Recording, refuse_gapped
 
@@ -16,8 +17,9 @@ FAR_BEYOND = 0.5
 """Of the span of voltages that a model was fitted on."""
 
 
-def predict(stage: Stage, recording: Recording) -> Recording:
-    """The same times and voltages with the predicted positions, from rest at 0 V before the first row.
+def predict(stage: Stage, recording: Recording, *, stood: bool = False) -> Recording:
+    """The same times and voltages with the predicted positions, from rest at 0 V before the first row; ``stood``: as
+    of a stage that went from there to its first voltage long before.
 
     Adopted effects act. With three axes and a cross-coupling, what the other axes do is added. A window only
     warms and scores: the rows before it are predicted too. Axes that the stage does not know are left out.
@@ -28,7 +30,7 @@ def predict(stage: Stage, recording: Recording) -> Recording:
     if not with_voltage:
         raise BadInput(f"{recording.source}: has no voltage to predict from; it needs a column u_V")
     known = [name for name in with_voltage if name in stage.axes] or with_voltage
-    alone = {name: _chain(stage, recording, name) for name in known}
+    alone = {name: _chain(stage, recording, name, stood) for name in known}
     pushes = {name: chain.push() for name, chain in alone.items()}
     chains = {name: chain.with_pushes(pushes) for name, chain in alone.items()}
     moved = {name: chain.signal_at(Place.MECHANICS).displacement_um[1:] for name, chain in chains.items()}
@@ -66,11 +68,12 @@ def time_view_of(stage: Stage, axis: str) -> TimeView:
     return view
 
 
-def _chain(stage: Stage, recording: Recording, axis: str) -> Chain:
-    time_view_of(stage, axis)
+def _chain(stage: Stage, recording: Recording, axis: str, stood: bool) -> Chain:
+    view = time_view_of(stage, axis)
     u = recording.axes[axis].u_V
     assert u is not None
-    return Chain(stage.axis(axis), recording.t_s, u)
+    start = respond(view, u[:1], rest_plays(view))[1] if stood else None
+    return Chain(stage.axis(axis), recording.t_s, u, start=start)
 
 
 def _seen(stage: Stage, axis: str, others: Iterable[str]) -> list[Entry]:

@@ -25,8 +25,6 @@ from phaselead.record import Samples
 
 AFTER_JUMP = 0.1
 """Share of a period after a jump in which a model without dynamics is not asked to agree."""
-START_SHARE = 0.01
-"""Of its span: a voltage that begins closer to 0 V begins there."""
 FEWEST_ROWS = 200
 """Of each record, to which a fit thins it, however many records there are."""
 FADING = (1 / 4, 1 / 8, 1 / 16, 1 / 32)
@@ -292,7 +290,7 @@ def rows_to_fit(run: AxisRun, most_rows: int, first_group: int, n_groups: int, *
     start, stop, _ = run.scored.indices(len(run.u_V))
     rows = np.arange(start, stop, max(1, (stop - start) // most_rows))
     if ringing_s:
-        calm = rows if _begins_at_0_V(run) else rows[rows >= round(ringing_s / run.step_s)]
+        calm = rows if run.begins_at_0_V else rows[rows >= round(ringing_s / run.step_s)]
     else:
         calm = rows[~_after_jump(run)[rows]]
     if len(calm) > len(rows) // 2:
@@ -300,10 +298,6 @@ def rows_to_fit(run: AxisRun, most_rows: int, first_group: int, n_groups: int, *
     groups = first_group + np.arange(len(rows)) * n_groups // len(rows)
     weight = 1.0 / (np.ptp(run.x_um[rows]) ** 2 * len(rows))
     return FitRun(run, rows.astype(np.uintp), groups, float(weight))
-
-
-def _begins_at_0_V(run: AxisRun) -> bool:
-    return abs(float(run.u_V[0])) < START_SHARE * float(np.ptp(run.u_V))
 
 
 def _after_jump(run: AxisRun) -> NDArray[np.bool_]:
