@@ -320,6 +320,17 @@ def test_a_small_sweep_through_the_mode_is_heard_beside_large_slow_records(level
     assert zeta == pytest.approx(0.01, rel=0.1)
 
 
+@pytest.mark.parametrize("only", [("sine", "ramp"), ("sine", "ramp", "small sine")])
+def test_a_small_sweep_turned_round_is_named(only):
+    """The fit of all bends to it, and leaves more of every other record."""
+    slow = laboratory(ONE_MODE, COARSE_HZ, only=only)
+    quick = later(record_of(ONE_MODE, sweep(0.01 * ONE_MODE.span_V, 600.0), COARSE_HZ, 7, "sweep"), 1.25)
+    turned = replace(changed(quick, x=lambda x_um: -x_um), source="the odd one")
+    (line,) = [line for line in fit([*slow, turned])[1].messages if "is it of this stage" in line]
+    assert line.startswith("axis x: beside the odd one the fit leaves ")
+    assert not any("is it of this stage" in line for line in fit([*slow, quick])[1].messages)
+
+
 @pytest.mark.parametrize("noise_um", [0.1, 1.0, 10.0])
 def test_a_noisy_record_takes_no_line_from_the_others(noise_um):
     """A run counts by what is left of it: the response to a small sweep stays as clear beside any large record."""

@@ -173,6 +173,7 @@ def line_of(refusal: pytest.ExceptionInfo[BadInput]) -> str:
         ("t_s,u_V,x_um,y_um\n0,1,2,3\n1,2,3,4\n", ["u_V with several axes", "ux_V"]),
         ("t_s,u_V,ux_V\n0,1,2\n1,2,3\n", ["both u_V and ux_V"]),
         (GOOD.replace("20", "nan"), ["line 3", "x_um", "not a number"]),
+        (GOOD.replace("20", "1e300"), ["line 3", "x_um is 1e+300", "measure again"]),
         (GOOD.replace("20", "-inf"), ["line 3", "x_um", "infinite"]),
         (GOOD.replace("20", "1e999"), ["line 3", "x_um", "infinite"]),
         (GOOD.replace("20", ""), ["line 3", "x_um", "empty"]),

@@ -24,6 +24,8 @@ OF_ONE_STAGE = 0.01
 MUCH_BETTER = 4.0
 """Times less of the others where one record is left out: what a model misses differs by no more between records of one
 stage, as ``gap`` takes it too."""
+MOST_TRIED = 6
+"""Records that are left out in turn: a budget of time, each costs a fit of the others."""
 FEWEST = 3
 """Records of which one can be told from the others."""
 
@@ -60,28 +62,34 @@ def about_scale(axis: str, runs: Sequence[AxisRun]) -> list[str]:
 
 
 def about_unlike_record(axis: str, runs: Sequence[AxisRun], found: OperatorFit, modes: FittedModes | None) -> list[str]:
-    """What to say of the record that the fit of all leaves most of, where the others are described far better without
-    it. It costs a second fit, which is made only where the first leaves more than of one stage."""
+    """What to say of the record without which the others are described far better, of those that the fit of all leaves
+    most of: it bends that fit, so that another may look worse. Each costs a fit, which is made only where the first
+    leaves more than of one stage."""
     if len(runs) < FEWEST:
         return []
     shares = _left(found, modes, runs)
-    odd = int(np.argmax(shares))
-    if shares[odd] <= OF_ONE_STAGE:
+    suspects = [i for i in np.argsort(shares)[::-1][:MOST_TRIED].tolist() if shares[i] > OF_ONE_STAGE]
+    without = {odd: _left_without(odd, runs) for odd in suspects}
+    odd = min(suspects, key=lambda i: without[i], default=None)
+    if odd is None:
         return []
-    rest = [i for i in range(len(runs)) if i != odd]
-    others = [runs[i] for i in rest]
-    try:
-        alone = max(_left(*fit_together(others), others))
-    except BadInput:  # the others alone cannot be fitted
-        return []
-    with_it = max(shares[i] for i in rest)
-    if with_it <= MUCH_BETTER * alone:
+    with_it = max(share for i, share in enumerate(shares) if i != odd)
+    if with_it <= MUCH_BETTER * without[odd]:
         return []
     return [
         f"axis {axis}: beside {runs[odd].source} the fit leaves up to {digits(100 * with_it, 2)} % of the range of "
-        f"another record, without it {digits(100 * alone, 2)} %: is it of this stage, and are its units, signs and "
-        "columns right? Leave it out, or fit it apart"
+        f"another record, without it {digits(100 * without[odd], 2)} %: is it of this stage, and are its units, signs "
+        "and columns right? Leave it out, or fit it apart"
     ]
+
+
+def _left_without(odd: int, runs: Sequence[AxisRun]) -> float:
+    """The largest share left of the other runs by a fit of them alone; infinite where they cannot be fitted."""
+    others = [run for i, run in enumerate(runs) if i != odd]
+    try:
+        return max(_left(*fit_together(others), others))
+    except BadInput:
+        return float("inf")
 
 
 def _left(found: OperatorFit, modes: FittedModes | None, runs: Sequence[AxisRun]) -> list[float]:

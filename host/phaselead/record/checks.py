@@ -14,6 +14,8 @@ from phaselead.record.recording import Recording
 UNIFORM_WITHIN = 0.01
 MISSING_FROM = 1.5 * (1 + 1e-6)
 """A step of so many usual ones is no rounding: samples are missing (the excess forgives printed decimals)."""
+NOT_MEASURED = 1e30
+"""In any unit: its fourth power, of which estimates are made, is still a number."""
 FLAT_SAMPLES = 3
 """Consecutive samples at a rail that make a signal clipped."""
 
@@ -22,11 +24,11 @@ Where = Callable[[int], str]
 
 
 def require_finite(name: str, values: Samples, where: Where, source: str) -> None:
-    """Refuse NaN and infinities."""
-    bad = np.flatnonzero(~np.isfinite(values))
+    """Refuse NaN, infinities and what no instrument gives."""
+    bad = np.flatnonzero(~(np.abs(values) < NOT_MEASURED))
     if bad.size:
         value = values[bad[0]]
-        what = "empty or not a number" if np.isnan(value) else "infinite"
+        what = "empty or not a number" if np.isnan(value) else "infinite" if np.isinf(value) else f"{value:.3g}"
         more = f" (and {bad.size - 1} more)" if bad.size > 1 else ""
         raise BadInput(
             f"{source}: {where(int(bad[0]))}: {name} is {what}{more}; cut the recording there or measure again"
