@@ -19,7 +19,14 @@ class Converter:
     """
 
     def __init__(
-        self, bits: int, low_V: float, high_V: float, inl_LSB: float, bow: float, skew: float, weights: tuple[float, ...]
+        self,
+        bits: int,
+        low_V: float,
+        high_V: float,
+        inl_LSB: float,
+        bow: float,
+        skew: float,
+        weights: tuple[float, ...],
     ) -> None:
         codes = np.arange(2**bits)
         s = codes / codes[-1]
@@ -32,7 +39,7 @@ class Converter:
     def volts(self, u: Samples) -> Samples:
         """What it gives where u, on its grid, is asked for."""
         codes = np.round((u - self.low_V) / self.lsb_V).astype(int)
-        return u + self.error_V[codes]
+        return np.asarray(u + self.error_V[codes])
 
 
 class Rails(Part):
@@ -66,7 +73,7 @@ class Loop(Part):
         zone_V: float = 0.0,
         leak: float = 0.0,
     ) -> None:
-        self.gain = 1 - math.exp(-dt_s / tau_s)
+        self.path, self.gain = dt_s / tau_s, 1 - math.exp(-dt_s / tau_s)
         self.up_V, self.down_V = up_V_per_s * dt_s, down_V_per_s * dt_s
         self.half_V, self.leak = zone_V / 2, leak
         self.drive = self.out = start
@@ -76,15 +83,21 @@ class Loop(Part):
             v, _ = lfilter([self.gain], [1, self.gain - 1], u, zi=[(1 - self.gain) * self.out])
             self.drive = self.out = float(v[-1])
             return np.asarray(v, float)
-        gain, up, down, half, leak = self.gain, self.up_V, self.down_V, self.half_V, self.leak
+        path, up, down, half, leak, exp = self.path, self.up_V, self.down_V, self.half_V, self.leak, math.exp
         drive, out, found = self.drive, self.out, []
         for x in u.tolist():
-            step = gain * (x - (1 - leak) * out - leak * drive)
-            drive += up if step > up else -down if step < -down else step
-            if drive - out > half:
-                out = drive - half
-            elif out - drive > half:
-                out = drive + half
+            step = path * (x - (1 - leak) * out - leak * drive)
+            step = up if step > up else -down if step < -down else step
+            if step == 0 or (drive + step - out) * (1 if step > 0 else -1) <= half:  # inside the zone it integrates
+                drive += step
+            else:  # up to its edge, and on with the load
+                room = (half if step > 0 else -half) - (drive - out)
+                left = min(1 - room / step, 1.0)  # rounding may have put it past the edge
+                drive += room
+                move = (1 - exp(-path * left)) * (x - (1 - leak) * out - leak * drive)
+                move = min(max(move, -down * left), up * left)
+                drive += move
+                out += move
             found.append((1 - leak) * out + leak * drive)
         self.drive, self.out = drive, out
         return np.array(found)

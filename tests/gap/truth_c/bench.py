@@ -13,7 +13,7 @@ from phaselead.record import AxisRecord
 from .amplifier import Converter, Loop
 from .ceramic import Creep
 from .memory import Memory
-from .parts import Lag, Modes, Oscillator, Part, Samples
+from .parts import Modes, Oscillator, Part, Samples
 from .readout import Room, noise, quantised
 from .session import Piece
 from .sliders import LOOP
@@ -39,6 +39,8 @@ class Bench:
         self.gain, self.offset_um, self.step_um, self.jitter_s = 1.0, 0.0, 0.0, 0.0
         self.converter: Converter | None = None
         self.room: list[Room] = []
+        self.ahead_s = (0.0, 1.0)
+        """Begin and length of the sessions over which a drift has its mean rate."""
         self.last_V = float(traits.volts(np.array([traits.park]))[0])
         self.kept_V = np.full(KEPT, self.last_V)
         self.memory = self._memory()
@@ -65,6 +67,11 @@ class Bench:
         """``make`` is given the present input of that place."""
         self.parts[place] = make(self.given[place])
 
+    @property
+    def here(self) -> float:
+        """The last voltage, -1..1 over the working range."""
+        return (self.last_V - self.traits.mid_V) / self.traits.half_V
+
     def range_um(self) -> tuple[float, float]:
         """Ends of the bare slow loop as the sensor has them, its zero at the virgin stage at rest."""
         bare, t = self._memory(), self.traits
@@ -75,9 +82,10 @@ class Bench:
     def record(self, piece: Piece) -> Recording:
         """After its pause and all that runs before it; times go on."""
         traits, rate_Hz = self.traits, self.traits.rate_Hz
-        here = (self.last_V - traits.mid_V) / traits.half_V
-        waits = traits.park if piece.parked else here
-        self._drive(np.concatenate([_way(here, waits, 0.25, rate_Hz), np.full(int(0.1 * rate_Hz), waits)]))
+        waits = traits.park if piece.parked else self.here
+        home = np.concatenate([_way(self.here, waits, 0.25, rate_Hz), np.full(int(0.1 * rate_Hz), waits)])
+        self._drive(home)
+        self.t_s += len(home) / rate_Hz
         self.pause(piece.pause_s)
         before = piece.before
         if len(before):
@@ -86,14 +94,15 @@ class Bench:
         to, first = _way(stands, float(piece.s[0]), 0.25, rate_Hz), np.full(int(0.3 * rate_Hz), piece.s[0])
         rows = np.concatenate([before, to, first, piece.s])
         begin = len(rows) - len(piece.s)
-        self.t_s = (math.ceil(self.t_s * rate_Hz) + begin) / rate_Hz
-        t_s = self.t_s + np.arange(len(piece.s)) / rate_Hz
+        t_s = (math.ceil(self.t_s * rate_Hz) + np.arange(begin, len(rows))) / rate_Hz
         y = self._read(self._drive(rows), begin, t_s, piece.seed)
         self.t_s = float(t_s[-1]) + 1 / rate_Hz
         return Recording(t_s, {"x": AxisRecord(traits.volts(piece.s), y)}, source=piece.kind)
 
     def pause(self, seconds: float) -> None:
         """The last voltage stands."""
+        if seconds == 0:
+            return
         self.t_s += seconds
         x = float(self._asked(np.array([self.last_V]))[0])
         for places in (VOLTS, MOTION, SENSED):
@@ -143,9 +152,9 @@ class Bench:
         """Late volts at the fine points: the mean since the last one where the converter holds, else on the line."""
         at = np.arange(n * self.fine + 1) / self.fine + KEPT - self.delay_s * self.traits.rate_Hz
         if not self.traits.held:
-            return np.interp(at[1:], np.arange(len(wide)), wide)
+            return np.asarray(np.interp(at[1:], np.arange(len(wide)), wide))
         total = np.concatenate([[0.0], np.cumsum(wide - wide[0])])
-        return np.diff(np.interp(at, np.arange(len(total)), total)) * self.fine + wide[0]
+        return np.asarray(np.diff(np.interp(at, np.arange(len(total)), total)) * self.fine + wide[0])
 
     def _read(self, x: Samples, begin: int, t_s: Samples, seed: int) -> Samples:
         """Rows are read as their voltage sets in."""
@@ -164,9 +173,3 @@ class Bench:
 
 def _way(here: float, there: float, seconds: float, rate_Hz: float) -> Samples:
     return here + (there - here) * edge(int(seconds * rate_Hz))
-
-
-def short_lags(bench: Bench, tau_s: float) -> None:
-    """A filter of two poles in front of the sensor's own: 0.95 and 0.05 of the sum of its times."""
-    bench.put("lag", lambda y: Lag(0.95 * tau_s, bench.dt_s, y))
-    bench.put("short_lag", lambda y: Lag(0.05 * tau_s, bench.dt_s, y))

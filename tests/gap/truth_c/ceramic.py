@@ -31,7 +31,7 @@ class Beside(Part):
         self.force, self.rest_s = force, rest
         self.k_um = -opening_um / opening(loop)
         steepest = float(np.max(np.diff(loop)[801:] / np.diff(LOOP)[801:]))
-        needed = steepest - (least_um - 0.6 * LEAST_SLOPE * travel_um / 2) / self.k_um
+        needed = steepest - (least_um - 0.5 * LEAST_SLOPE * travel_um / 2) / self.k_um
         self.gained = max(gained * steepest, needed)
 
     def run(self, v: Samples) -> Samples:
@@ -46,8 +46,8 @@ def more_sliders(mean: float, start: float) -> Sliders:
 
 
 def forgetful(reach: float, exponent: float, start: float) -> Friction:
-    """Two frictions, one with a path three times as long as the other."""
-    return Friction((reach, 3 * reach), exponent, start)
+    """Two frictions, one with a path half as long again as the other."""
+    return Friction((reach, 1.5 * reach), exponent, start)
 
 
 class Electrostriction(Part):
@@ -194,8 +194,8 @@ class Creep(Part):
         at = np.arange(1, len(x) + 1) / self.fine
         y = x + np.interp(at, np.arange(len(rows) + 1), np.concatenate([[self.crept], crept]))
         self.crept = float(crept[-1])
-        return y
+        return np.asarray(y)
 
     def rest(self, seconds: float, x: float) -> float:
         self.crept = sum(k * (lag.rest(seconds, x) - self.rest_um) for k, lag in self.lags)
-        return x + self.crept
+        return float(x + self.crept)

@@ -52,9 +52,15 @@ class BendingSpring(Part):
         self.a, self.b = spring(square / self.share, cube / self.share)
         self.travel_um, self.rest_um, self.dt_s = travel_um, rest_um, dt_s
         w = 2 * math.pi * f_Hz
-        matrices = (np.array([[0, 1], [-w * w, -2 * zeta * w]]), np.array([[0.0], [w * w]]), np.eye(2), np.zeros((2, 1)))
+        matrices = (
+            np.array([[0, 1], [-w * w, -2 * zeta * w]]),
+            np.array([[0.0], [w * w]]),
+            np.eye(2),
+            np.zeros((2, 1)),
+        )
         self.free, *_ = cont2discrete(matrices, dt_s, method="zoh")
         self.before, self.now = straight_force(*matrices[:2], dt_s)
+        self.state = (0.0, 0.0, 0.0)
         self.rest(1.0, start)
 
     def run(self, x: Samples) -> Samples:

@@ -13,7 +13,7 @@ import numpy as np
 from .parts import Part, Samples
 from .sliders import LOOP, Sliders, opening
 
-LEAST_SLOPE = 0.3
+LEAST_SLOPE = 0.5
 """Of the mean one: the gain just after a turning point of a ceramic is some half of that over the range."""
 
 

@@ -88,7 +88,9 @@ class Vibration:
         power = np.sum(floor.run(impulse) ** 2)
         floor.stand(0.0)
         ringing = floor.run(np.random.default_rng(seed).standard_normal(len(t_s) + before))[before:] / math.sqrt(power)
-        swell = (1 + self.SWELLS * np.sin(2 * np.pi * t_s / self.swell_s + self.phase)) / math.sqrt(1 + self.SWELLS**2 / 2)
+        swell = (1 + self.SWELLS * np.sin(2 * np.pi * t_s / self.swell_s + self.phase)) / math.sqrt(
+            1 + self.SWELLS**2 / 2
+        )
         return np.asarray(self.rms_um * ringing * swell)
 
 

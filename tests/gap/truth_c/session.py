@@ -70,9 +70,7 @@ def _reference(rng: np.random.Generator) -> list[tuple[str, float]]:
 
 def _session(rng: np.random.Generator, kinds: Sequence[str], number: int, first: int) -> list[tuple[str, float]]:
     """The habit of the day at several levels; one of two sessions has a record at rest in it."""
-    found = [
-        (kinds[i % len(kinds)], LEVELS[(i + first) % len(LEVELS)] * rng.uniform(0.85, 1.1)) for i in range(number)
-    ]
+    found = [(kinds[i % len(kinds)], LEVELS[(i + first) % len(LEVELS)] * rng.uniform(0.85, 1.1)) for i in range(number)]
     if rng.random() < 0.5:
         found[int(rng.integers(1, number))] = ("idle", 0.0)
     return found
@@ -96,7 +94,7 @@ def _piece(
         bias = traits.park if rng.random() < 0.6 else rng.uniform(-0.8, 0.8)
     else:
         bias = rng.uniform(-1, 1) * (1 - level)
-    s = turned_down(level * wave, bias, chain, traits.rate_Hz)
+    s = turned_down(level * wave, bias, traits, chain)
     return Piece(kind, s, log_uniform(rng, 3, 40), bool(rng.random() < 0.5), np.zeros(0), int(rng.integers(2**31)))
 
 

@@ -58,7 +58,7 @@ class Traits:
 
     @property
     def lsb_V(self) -> float:
-        return (self.output_V[1] - self.output_V[0]) / 2**self.bits
+        return float((self.output_V[1] - self.output_V[0]) / 2**self.bits)
 
     @property
     def park(self) -> float:

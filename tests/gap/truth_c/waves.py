@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 
+from .memory import Memory
 from .parts import Mode, Modes, Samples
-from .stage import log_uniform
+from .stage import Traits, log_uniform
 
 MOST = 1.1
 """How far, in half travels from its middle, a stage may ring: its flexures stop it at 1.2."""
@@ -63,8 +65,10 @@ def _lines(rng: Rng, n: int, rate_Hz: float, line_Hz: float, changing: bool = Tr
     kernel = np.hanning(m + 2)
     wide = np.concatenate([tri[n - m :], tri, tri[:m]])
     tri = np.convolve(wide, kernel / kernel.sum(), "same")[m : m + n]
+    tri = tri / np.max(np.abs(tri))
     if changing and rng.random() < 0.35:
-        tri = tri * np.linspace(*((1, 0.15), (0.2, 1), (1, 0.5))[int(rng.integers(3))], n)
+        first, last = ((1.0, 0.15), (0.2, 1.0), (1.0, 0.5))[int(rng.integers(3))]
+        tri = tri * np.linspace(first, last, n)
     return np.asarray(tri)
 
 
@@ -79,7 +83,7 @@ def stairs(rng: Rng, n: int, rate_Hz: float, f_Hz: float, zeta: float) -> Sample
     k = max(2, int(rng.uniform(0.002, 0.02) * rate_Hz))
     s = np.empty(n)
     cuts = np.linspace(0, n, len(levels) + 1).astype(int)
-    for i, (a, b) in enumerate(zip(cuts[:-1], cuts[1:], strict=True)):
+    for i, (a, b) in enumerate(pairwise(cuts)):
         s[a:b] = levels[i]
         if i:
             m = min(k, int(b - a))
@@ -128,16 +132,27 @@ def paused(rng: Rng, s: Samples, rate_Hz: float) -> Samples:
     speed[at : at + stop] = 0
     speed[at - k : at], speed[at + stop : at + stop + k] = edge(k)[::-1], edge(k)
     when = np.cumsum(speed)
-    return np.interp(when - when[0], np.arange(n), s)
+    return np.asarray(np.interp(when - when[0], np.arange(n), s))
 
 
-def turned_down(s: Samples, bias: float, chain: Sequence[Sequence[Mode]], rate_Hz: float) -> Samples:
+def turned_down(s: Samples, bias: float, traits: Traits, chain: Sequence[Sequence[Mode]]) -> Samples:
     """bias + s, less loud where the stage would ring beyond ``MOST``: this lab looks before it leaves a stage alone.
 
-    ``chain`` holds the modes side by side of everything that moves, one after the other.
+    The harmonics of its memory ring too. ``chain`` holds the modes side by side of everything that moves, one after
+    the other.
     """
-    y = s
+    for _ in range(12):
+        far = ringing(bias + s, traits, chain)
+        if far <= MOST:
+            break
+        s = s * max(0.3, 0.98 * (MOST - abs(bias)) / (far - abs(bias)))
+    return np.asarray(bias + s)
+
+
+def ringing(s: Samples, traits: Traits, chain: Sequence[Sequence[Mode]]) -> float:
+    """How far it goes from mid-range, in half travels, with what its modes make of a memory's answer to s."""
+    x = Memory(traits.recipe, traits.width, -1.0, 1.0, 2.0, float(s[0])).run(s)
+    y = x
     for modes in chain:
-        y = Modes(modes, 1 / rate_Hz, 0.0 if not len(y) else float(y[0])).run(y)
-    far = float(np.max(np.abs(y)))
-    return bias + s * min(1.0, (MOST - abs(bias)) / max(far, 1e-9))
+        y = Modes(modes, 1 / traits.rate_Hz, float(y[0])).run(y)
+    return float(np.max(np.abs(s + y - x)))
