@@ -14,7 +14,7 @@ from phaselead.gap.records import axis_runs
 from phaselead.gap.run import run_gap
 from phaselead.gap.scale import beside_model, exchange_doubts, refuse_unlike_model, scale_doubts
 from phaselead.identify import fit
-from phaselead.model import AxisModel, Stage, TimeView, catalogue
+from phaselead.model import AxisModel, Stage, TimeView, catalogue, predict
 from phaselead.model.effects.filters import resonant
 from phaselead.model.scale import scale_range
 from phaselead.record.recording import AxisRecord, Recording
@@ -103,7 +103,8 @@ def test_references_that_the_model_describes_worse_than_the_others_may_be_exchan
     assert "were they exchanged?" in line
     assert said(records()[0], as_written(records()[1], lambda u, x: (u, x + 0.02 * np.ptp(x) * np.sin(u)))) == ()
     assert said([], changed) == ()
-    quiet = as_written(records()[0], lambda u, x: (0.01 * u, 0.01 * x + 0.02 * np.sin(u)))
+    small = [predict(stage(), r) for r in as_written(records()[0], lambda u, x: (0.01 * u, x))]
+    quiet = as_written(small, lambda u, x: (u, x + 0.01 * np.sin(1000 * u)))
     assert said(quiet, records()[1]) == ()
 
 

@@ -10,7 +10,8 @@ from phaselead.errors import BadInput, more_like_it
 from phaselead.gap.goodness_of_fit import FinalFit
 from phaselead.gap.posterior import TIMES_BASE
 from phaselead.gap.records import GapRun, Role
-from phaselead.model import Chain, Stage, out_of_scale, scale_doubt
+from phaselead.gap.residual import modelled_run
+from phaselead.model import Stage, out_of_scale, scale_doubt
 from phaselead.quantity import digits
 from phaselead.record import Samples, factors_moved, in_another_unit, seem_exchanged, slow_gain, unit_remedy
 
@@ -19,7 +20,8 @@ MOST_UNLIKE = TIMES_BASE[-1]
 """Times what the model leaves of other records, beyond which a record is not like them: to the judge it differs from
 the reference records by no more."""
 Moved = tuple[GapRun, Samples, Samples]
-"""A record, what the model says of it by its own voltage alone, and its position, (n,) in um over the scored rows."""
+"""A record, what the model says of it from the memory that suits it best, and its position, (n,) in um over the scored
+rows."""
 _LeftOfRecord = tuple[str, tuple[float, float]]
 """Name of a record, and RMS that a model leaves of it as a share of its motion and in um."""
 Compared = Mapping[str, Sequence[Moved]]
@@ -149,4 +151,4 @@ def _gains_of_roles(driven: Sequence[Moved]) -> dict[Role, float]:
 
 
 def _expected(stage: Stage, run: GapRun) -> tuple[Samples, Samples]:
-    return Chain(stage.axes[run.axis], run.t_s, run.u_V).run()[run.rows], run.x_um[run.rows]
+    return modelled_run(stage.axes[run.axis], run).answer(), run.x_um[run.rows]
