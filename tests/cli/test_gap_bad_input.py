@@ -309,6 +309,17 @@ def test_a_proposed_experiment_is_run_and_recorded(run, tmp_path):
     assert run("log", "info", tmp_path / "idle.h5", "--json", "-").json["samples"] == 1000
 
 
+def test_an_experiment_beside_records_of_another_rate_is_refused_before_it_is_made(run, tmp_path):
+    """``gap`` would refuse its record; that was said when the stage had been driven."""
+    (tmp_path / "gap.json").write_text(json.dumps({**TIE, "next_experiment": {**EXPERIMENT, "bias": 3.0}}))
+    view = TimeView(gain_um_per_V=20.0, u_range_V=(0.0, 5.0), rate_Hz=2000.0)
+    save_stage(tmp_path / "slow.toml", Stage(name="slow", axes={"x": AxisModel(time=view)}))
+    outcome = run("gap", "next", tmp_path / "gap.json", "--model", tmp_path / "slow.toml", "-o", tmp_path / "more.h5")
+    assert (outcome.status, outcome.err.count("\n")) == (2, 1)
+    assert "records at 2000 Hz, a device records at 5000 Hz" in outcome.err
+    assert not (tmp_path / "more.h5").exists()
+
+
 def test_the_experiment_is_run_on_the_axis_of_its_tie(run, tmp_path):
     """Also where gap.json has no axis because the data have a single one."""
     path, more = tmp_path / "gap.json", tmp_path / "more.h5"

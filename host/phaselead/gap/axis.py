@@ -246,5 +246,5 @@ def _proposal(selection: Selection) -> NextExperiment | None:
 def _why(claim: Claim) -> str:
     """Why an effect is claimed, for a person."""
     held = claim.held_out_log_odds
-    shown = f"add {held:.0f}" if held >= 0 else f"take {-held:.0f} away"
+    shown = f"add {held:.0f}" if held >= 0 else f"lower them by {-held:.0f}"
     return f"log odds {claim.log_odds:.0f} against all models without it; held-out records {shown}"

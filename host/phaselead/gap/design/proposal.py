@@ -9,9 +9,10 @@ from pathlib import Path
 from typing import Any
 
 from phaselead.control import record_open_loop
-from phaselead.device import Device
+from phaselead.device import TICK_HZ, Device
 from phaselead.errors import BadInput
 from phaselead.gap.design.excitation import RECORD, SHAPES, Excitation
+from phaselead.identify import SAME_RATE
 from phaselead.model import Stage, catalogue, small_signal
 from phaselead.record import AXES
 from phaselead.waveforms import POINTS
@@ -152,8 +153,19 @@ def run_proposal(
     PhaseleadError for what the device refuses.
     """
     excitation = excitation_of(proposed)
+    _refuse_other_rate(stage, axis)
     waveforms = None if excitation.idle else {axis: excitation.wave()}
     with Device.open(port) as device:
         record_open_loop(
             device, waveforms, axis, output=output, stage=stage, duration_s=excitation.seconds, on_progress=on_progress
+        )
+
+
+def _refuse_other_rate(stage: Stage | None, axis: str) -> None:
+    """Refuse a model beside whose records a device's would not be taken."""
+    view = None if stage is None else stage.axis(axis).time
+    if view is not None and abs(view.rate_Hz / TICK_HZ - 1) > SAME_RATE:
+        raise BadInput(
+            f"the model is of records at {view.rate_Hz:.6g} Hz, a device records at {TICK_HZ:.6g} Hz, and gap compares "
+            "at one rate: make the experiment with what recorded the others, or fit a model to records of a device"
         )
