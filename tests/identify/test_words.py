@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
 from phaselead.identify.words import describe_axis
 from phaselead.model import AxisModel, TimeView
+from phaselead.record import from_columns
 
 
 def said(delay_s):
@@ -20,3 +22,13 @@ def test_gain_and_hysteresis_are_of_the_loop_without_the_delay(delay_s):
     """Of a record every 200 ms the delay may be a second; a loop that is drawn with it is wide, or upside down."""
     assert said(delay_s).split(", no mode")[0] == said(0.0).split(", no mode")[0]
     assert "22.7 um/V, hysteresis 1.3 %" in said(0.0)
+
+
+@pytest.mark.parametrize(("swing_V", "seen"), [(0.2, True), (9.0, False)])
+def test_a_loop_that_no_record_shows_whole_is_said_to_be_seen_in_small_swings(swing_V, seen):
+    view = TimeView(gain_um_per_V=20.0, u_range_V=(0.0, 10.0), rate_Hz=100.0)
+    u_V = 5 + swing_V / 2 * np.sin(np.arange(200) / 10)
+    record = from_columns({"t_s": np.arange(200) / 100, "u_V": u_V, "x_um": 20 * u_V})
+    line = describe_axis("x", AxisModel(time=view), [record])
+    assert "no hysteresis" in line
+    assert ("(seen in swings of 0.2 V, of 10)" in line) == seen

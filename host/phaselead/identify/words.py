@@ -2,27 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
 from phaselead.errors import BadInput
-from phaselead.model import AxisModel, effect, small_signal, steady_loop
+from phaselead.model import AxisModel, TimeView, effect, small_signal, steady_loop
 from phaselead.quantity import digits
 from phaselead.record import Recording, Samples
 
+SMALL_SWING = 0.5
+"""Of the span of a fit's voltages: records that swing less show nothing of the loop over all of it. Chosen: half."""
 LEVELS = 200
 """Voltages at which the width of a loop is looked up."""
 
 
-def describe_axis(axis: str, model: AxisModel, records: Iterable[Recording]) -> str:
+def describe_axis(axis: str, model: AxisModel, records: Sequence[Recording]) -> str:
     """One line on the time view of an axis and what it leaves of its records."""
     view = model.time
     if view is None:
         return f"axis {axis}: no time view"
     parts = [f"{_gain_um_per_V(model):.3g} um/V"]
     width_pct = hysteresis_pct(model)
-    parts.append(f"hysteresis {width_pct:.2g} % of the travel" if width_pct >= 0.05 else "no hysteresis")
+    loop = f"hysteresis {width_pct:.2g} % of the travel" if width_pct >= 0.05 else "no hysteresis"
+    parts.append(loop + _of_small_swings(view, axis, records))
     parts += _modes(model)
     parts.append(f"lag {1e3 * (view.delay_s + _filters_s(model)):.2g} ms")
     noise_um = [noise for record in records if (noise := noise_um_rms(record, axis)) is not None]
@@ -36,6 +39,13 @@ def describe_coupling(matrix: Sequence[Sequence[float]]) -> str:
     shares = np.array(matrix) - np.eye(3)
     row, column = np.unravel_index(int(np.argmax(np.abs(shares))), (3, 3))
     return f"cross-talk of up to {100 * abs(shares[row, column]):.2g} %: {'xyz'[row]} moves with {'xyz'[column]}"
+
+
+def _of_small_swings(view: TimeView, axis: str, records: Sequence[Recording]) -> str:
+    """That no record shows the whole loop, where the voltages of all together span far more than each."""
+    driven = [one for record in records if axis in record.axes and (one := record.axes[axis].u_V) is not None]
+    swing_V, span_V = max((float(np.ptp(u_V)) for u_V in driven), default=np.inf), float(np.ptp(view.u_range_V))
+    return "" if swing_V > SMALL_SWING * span_V else f" (seen in swings of {swing_V:.2g} V, of {span_V:.2g})"
 
 
 def _short(value_um: float) -> str:
