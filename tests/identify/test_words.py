@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from phaselead.identify.words import describe_axis
-from phaselead.model import AxisModel, TimeView
+from phaselead.model import AdoptedEffect, AxisModel, TimeView
 from phaselead.record import from_columns
 
 
@@ -32,3 +32,11 @@ def test_a_loop_that_no_record_shows_whole_is_said_to_be_seen_in_small_swings(sw
     line = describe_axis("x", AxisModel(time=view), [record])
     assert "no hysteresis" in line
     assert ("(seen in swings of 0.2 V, of 10)" in line) == seen
+
+
+def test_a_mode_is_told_also_where_the_sensor_counts_backwards():
+    view = TimeView(gain_um_per_V=-20.0, u_range_V=(0.0, 10.0), rate_Hz=5000.0)
+    mode = AdoptedEffect(name="resonance", params={"f_Hz": 300.0, "zeta": 0.02})
+    line = describe_axis("x", AxisModel(time=view, effects=(mode,)), [])
+    assert "counts backwards" in line
+    assert "a mode at 300 Hz (damping 0.02)" in line

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from phaselead.errors import BadInput
-from phaselead.model import AxisModel, TimeView, effect, small_signal, steady_loop
+from phaselead.model import AxisModel, TimeView, effect, small_signal, steady_loop, turned_view
 from phaselead.quantity import digits
 from phaselead.record import Recording, Samples
 
@@ -76,13 +76,17 @@ def hysteresis_pct(model: AxisModel) -> float:
 
 
 def _modes(model: AxisModel) -> list[str]:
+    assert model.time is not None
+    said, rising = [], model
+    if _gain_um_per_V(model) < 0:
+        said = ["a sensor that counts backwards (swap its polarity: the signs of a device's loop are fixed)"]
+        rising = model.model_copy(update={"time": turned_view(model.time)})
     try:
-        modes = small_signal(model).modes
+        modes = small_signal(rising).modes
     except BadInput:
-        return ["a sensor that counts backwards"] if _gain_um_per_V(model) < 0 else []
-    if not modes:
-        return ["no mode seen"]
-    return [" and ".join(f"a mode at {f_Hz:.4g} Hz (damping {zeta:.2g})" for _, f_Hz, zeta in modes)]
+        return said
+    heard = " and ".join(f"a mode at {f_Hz:.4g} Hz (damping {zeta:.2g})" for _, f_Hz, zeta in modes)
+    return [*said, heard or "no mode seen"]
 
 
 def _filters_s(model: AxisModel) -> float:
