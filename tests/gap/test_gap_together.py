@@ -19,7 +19,7 @@ from phaselead.cli import main
 from phaselead.errors import BadInput
 from phaselead.gap.run import run_gap
 from phaselead.gap.several_axes.base_modes import has_common_modes
-from phaselead.gap.several_axes.common_modes import _best_at_rest
+from phaselead.gap.several_axes.common_modes import _best_at_rest, _exponents
 from phaselead.identify.fitting import fit
 from phaselead.model.axis import AdoptedEffect
 from phaselead.model.prediction import predict
@@ -159,6 +159,13 @@ def test_an_undetermined_power_of_the_level_has_a_record_that_would_tell(tmp_pat
     assert proposed["tells_apart"] == []
     assert "next, to tell which power of the level softening grows by: " in str(result)
     assert "on x, y, z at once" in str(result)
+
+
+@pytest.mark.parametrize(("levels_V", "told"), [((1.0, 1.05, 3.0), False), ((1.0, 2.0, 3.0), True)])
+def test_two_levels_leave_the_power_open_whatever_a_fit_of_each_leaves(levels_V, told):
+    """A fit under one power may end lower than under another; of two levels that is what the model misses, no power."""
+    records = [SimpleNamespace(level_V=level_V) for level_V in levels_V]
+    assert (_exponents({0.5: 2.0, 1.0: 1.5, 2.0: 1.0}, records) != (0.5, 2.0)) == told
 
 
 def test_a_determined_power_asks_for_no_record(one_level):

@@ -14,7 +14,7 @@ from phaselead.gap.records import axis_runs
 from phaselead.gap.run import run_gap
 from phaselead.gap.scale import beside_model, exchange_doubts, refuse_unlike_model, scale_doubts
 from phaselead.identify import fit
-from phaselead.model import AxisModel, Stage, TimeView, catalogue, predict
+from phaselead.model import AdoptedEffect, AxisModel, Stage, TimeView, catalogue, predict, simulate
 from phaselead.model.effects.filters import resonant
 from phaselead.model.scale import scale_range
 from phaselead.record.recording import AxisRecord, Recording
@@ -43,6 +43,28 @@ def as_written(part, change):
 def doubts(change, of=(True, True)):
     train, holdout = (as_written(part, change) if off else part for part, off in zip(records(), of, strict=True))
     return scale_doubts(beside_model(stage(), axis_runs(stage(), train, holdout, [])))
+
+
+def test_references_of_a_stage_parked_elsewhere_than_at_0_V_are_asked_about_too():
+    """Taken for a step from 0 V in its first row, which rings, every record would be described as badly."""
+    view = TimeView(gain_um_per_V=20.0, u_range_V=(0.0, 5.0), rate_Hz=1000.0)
+    mode = AdoptedEffect(name="resonance", params={"f_Hz": 60.0, "zeta": 0.002})
+    ringing = Stage(name="mode", axes={"x": AxisModel(time=view, effects=(mode,))})
+
+    def parked(seed, wrong_um):
+        t_s, noise = np.arange(3000) / 1000.0, np.random.default_rng(seed)
+        u_V = np.r_[np.full(1000, 2.0), 2 + np.sin(2 * np.pi * 2 * t_s)]
+        long_s = np.arange(-1000 * 20, 3000) / 1000.0
+        x_um = simulate(ringing.axis("x"), long_s, np.r_[np.full(19000, 2.0), u_V])[-3000:]
+        x_um = x_um + wrong_um * np.sin(3 * u_V[-3000:]) + noise.normal(0, 0.01, 3000)
+        return Recording(t_s, {"x": AxisRecord(u_V[-3000:], x_um)}, source=f"of {seed}")
+
+    def said(reference_um, others_um):
+        runs = axis_runs(ringing, [parked(1, others_um)], [parked(2, others_um)], [parked(3, reference_um)])
+        return exchange_doubts(beside_model(ringing, runs))
+
+    assert "were they exchanged?" in said(2.0, 0.0)[0]
+    assert said(0.0, 2.0) == ()
 
 
 @pytest.mark.parametrize(

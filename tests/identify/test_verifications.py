@@ -73,26 +73,44 @@ RINGING = Stage(
 )
 
 
-def ringing(stood: bool) -> Recording:
+def ringing(stood: bool, *, offset_um: float = 0.0, late_s: float = 0.0, stage: Stage = RINGING) -> Recording:
     """From 1 V on, of a stage that had long stood there, or of one that was switched there in the first row."""
     u_V = 1 + 2 * np.sin(2 * np.pi * 5 * T_s)
     before_V = np.full(2000, 1.0 if stood else 0.0)
     t_s = np.arange(-len(before_V), len(T_s)) / RATE_HZ
-    x_um = simulate(RINGING.axis("x"), t_s, np.r_[before_V, u_V])[len(before_V) :]
+    x_um = simulate(stage.axis("x"), t_s, np.r_[before_V, u_V])[len(before_V) :]
     noise_um = np.random.default_rng(2).normal(0, 0.01, len(T_s))
-    return recording(t_s=T_s, u_V=u_V, x_um=x_um + noise_um, source="rec.csv")
+    return recording(t_s=T_s + late_s, u_V=u_V, x_um=x_um + noise_um + offset_um, source="rec.csv")
 
 
-def test_a_stage_that_had_stood_where_a_record_begins_is_told_from_which_time_it_counts():
-    (line,) = verify(RINGING, [ringing(stood=True)] * 2).doubts
+@pytest.mark.parametrize("late_s", [0.0, 1e5])
+@pytest.mark.parametrize(("offset_um", "refit"), [(0.0, False), (-20.0, True)])
+def test_a_stage_that_had_stood_where_a_record_begins_is_told_from_which_time_it_counts(late_s, offset_um, refit):
+    record = ringing(stood=True, offset_um=offset_um, late_s=late_s)
+    (line,) = verify(RINGING, [record] * 2, refit_offset=refit).doubts
+    assert line.startswith("rec.csv: axis x begins at 1 V, which counts as a step from rest at 0 V: it leaves")
     assert line.endswith("(1 more like it)")
-    assert "rec.csv: begins at 1 V and counts as a step from rest at 0 V, which leaves up to" in line
     after_s = float(re.search(r" @([\d.]+):", line)[1])
-    late = replace(ringing(stood=True), scored=slice(int(np.searchsorted(T_s, after_s)), None))
-    found = verify(RINGING, late)
+    late = replace(record, scored=slice(int(np.searchsorted(record.t_s, after_s)), None))
+    found = verify(RINGING, late, refit_offset=refit)
     assert found[0].max_um < 0.1
     assert found.doubts == []
+    early = replace(record, scored=slice(2, None))
+    assert verify(RINGING, early, refit_offset=refit).doubts
 
 
 def test_a_step_in_the_first_row_is_in_no_doubt():
     assert verify(RINGING, ringing(stood=False)).doubts == []
+
+
+def test_where_both_starts_say_the_same_there_is_no_doubt():
+    """A line has no dynamics: the prediction is the record, to the last digit."""
+    exact = recording(t_s=T_s, u_V=2 + np.sin(T_s), x_um=20 * (2 + np.sin(T_s)), source="rec.csv")
+    assert verify(STAGE, exact).doubts == []
+
+
+def test_where_the_start_matters_to_the_end_no_window_is_proposed():
+    hardly = AdoptedEffect(name="resonance", params={"f_Hz": 60.0, "zeta": 0.002})
+    stage = Stage(name="mode", axes={"x": AxisModel(time=VIEW, effects=(hardly,))})
+    (line,) = verify(stage, ringing(stood=True, stage=stage)).doubts
+    assert line.endswith("that matters to the end: record it with the way from 0 V, and score what comes after")

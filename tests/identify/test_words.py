@@ -31,7 +31,7 @@ def test_a_loop_that_no_record_shows_whole_is_said_to_be_seen_in_small_swings(sw
     record = from_columns({"t_s": np.arange(200) / 100, "u_V": u_V, "x_um": 20 * u_V})
     line = describe_axis("x", AxisModel(time=view), [record])
     assert "no hysteresis" in line
-    assert ("(seen in swings of 0.2 V, of 10)" in line) == seen
+    assert ("(no record swings by more than 0.2 of the 10 V)" in line) == seen
 
 
 def test_a_mode_is_told_also_where_the_sensor_counts_backwards():

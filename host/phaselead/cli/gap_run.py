@@ -18,6 +18,7 @@ from phaselead.gap import (
     keep_freed_memory,
     modes_crossed_Hz,
     read_proposal,
+    refuse_other_rate,
     run_gap,
     verified_on,
 )
@@ -95,6 +96,7 @@ def run_next(
     proposed = read_proposal(gap_json)
     stage = load_stage(model_path) if model_path else None
     driven = axis_driven(proposed, axis)
+    refuse_other_rate(stage, driven)
     modes_Hz = modes_crossed_Hz(proposed, stage, driven)
     if modes_Hz:
         low, high = excitation_of(proposed).driven_Hz

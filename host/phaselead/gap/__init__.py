@@ -2,7 +2,15 @@
 
 from __future__ import annotations
 
-from phaselead.gap.design import axis_driven, excitation_of, modes_crossed_Hz, proposal_of, read_proposal, run_proposal
+from phaselead.gap.design import (
+    axis_driven,
+    excitation_of,
+    modes_crossed_Hz,
+    proposal_of,
+    read_proposal,
+    refuse_other_rate,
+    run_proposal,
+)
 from phaselead.gap.error_rates import ERROR_RATE, SURE
 from phaselead.gap.findings import (
     NAMED,
@@ -49,6 +57,7 @@ __all__ = [
     "percent",
     "proposal_of",
     "read_proposal",
+    "refuse_other_rate",
     "run_gap",
     "run_proposal",
     "three_digits",

@@ -245,6 +245,6 @@ def _proposal(selection: Selection) -> NextExperiment | None:
 
 def _why(claim: Claim) -> str:
     """Why an effect is claimed, for a person."""
-    held = claim.held_out_log_odds
-    shown = f"add {held:.0f}" if held >= 0 else f"lower them by {-held:.0f}"
+    held = round(claim.held_out_log_odds)
+    shown = f"add {held}" if held >= 0 else f"lower them by {-held}"
     return f"log odds {claim.log_odds:.0f} against all models without it; held-out records {shown}"

@@ -15,7 +15,7 @@ from scipy.interpolate import CubicSpline
 
 from phaselead.gap.records import GapRun
 from phaselead.identify import starting_memory
-from phaselead.model import AxisModel, Chain, Entry, Extra, Place, effect, respond, rest_plays
+from phaselead.model import AxisModel, Chain, Entry, Extra, Place, effect, plays_after, respond, rest_plays
 from phaselead.record import Samples
 
 MEMORY_ROWS = 20_000
@@ -114,11 +114,10 @@ def _best_start(axis: AxisModel, run: GapRun) -> Began | None:
     """The memory at the start of the record, from the best last turning point; None is a step from rest."""
     view, u = axis.time, run.u_V
     assert view is not None
-    r, rest = np.asarray(view.play_r_V), rest_plays(view)
     rows = np.arange(run.start, run.stop, max(1, len(u) // MEMORY_ROWS))
 
     def began(turned_V: float) -> Began:
-        return Began(np.clip(np.clip(rest, turned_V - r, turned_V + r), u[0] - r, u[0] + r), turned_V)
+        return Began(plays_after(view, turned_V, float(u[0])), turned_V)
 
     def left(start: Began | None) -> Samples:
         return np.asarray((run.x_um - _chain(axis, run, start).run())[rows])

@@ -260,10 +260,10 @@ class GapResult(Result):
 
 
 def _bounds(excluded: Sequence[Bound]) -> list[str]:
-    """The bounds in two lines: effects that are smaller than usual if they are there at all, and those that may be as large
-    as usual, but no larger than said."""
+    """The bounds in two lines: effects smaller than is typical or without a typical size, and those that may be as
+    large as that, but no larger than said."""
     found = []
-    for said, sure in (("if at all", True), ("may be there, but not larger", False)):
+    for said, sure in (("smaller than usual, if there at all", True), ("may be there, but not larger", False)):
         below = [
             f"{_with_axis(b)} < {b.upper_95:.2g} {unit_of(b.unit)}".strip() for b in excluded if excludes(b) == sure
         ]

@@ -62,25 +62,24 @@ def about_scale(axis: str, runs: Sequence[AxisRun]) -> list[str]:
 
 
 def about_unlike_record(axis: str, runs: Sequence[AxisRun], found: OperatorFit, modes: FittedModes | None) -> list[str]:
-    """What to say of the record without which the others are described far better, of those that the fit of all leaves
-    most of: it bends that fit, so that another may look worse. Each costs a fit, which is made only where the first
-    leaves more than of one stage."""
+    """What to say of the record without which the others are described far better. It is looked for among those that
+    the fit of all leaves most of, since that bends to it, and others may look worse. Each costs a fit, which is made
+    only where the first leaves more than of one stage."""
     if len(runs) < FEWEST:
         return []
     shares = _left(found, modes, runs)
-    suspects = [i for i in np.argsort(shares)[::-1][:MOST_TRIED].tolist() if shares[i] > OF_ONE_STAGE]
-    without = {odd: _left_without(odd, runs) for odd in suspects}
-    odd = min(suspects, key=lambda i: without[i], default=None)
-    if odd is None:
+    if max(shares) <= OF_ONE_STAGE:
         return []
-    with_it = max(share for i, share in enumerate(shares) if i != odd)
-    if with_it <= MUCH_BETTER * without[odd]:
-        return []
-    return [
-        f"axis {axis}: beside {runs[odd].source} the fit leaves up to {digits(100 * with_it, 2)} % of the range of "
-        f"another record, without it {digits(100 * without[odd], 2)} %: is it of this stage, and are its units, signs "
-        "and columns right? Leave it out, or fit it apart"
-    ]
+    for odd in np.argsort(shares)[::-1][:MOST_TRIED].tolist():
+        with_it = max(share for i, share in enumerate(shares) if i != odd)
+        without = _left_without(odd, runs)
+        if without <= OF_ONE_STAGE and with_it > MUCH_BETTER * without:
+            return [
+                f"axis {axis}: beside {runs[odd].source} the fit leaves up to {digits(100 * with_it, 2)} % of the "
+                f"range of another record, without it {digits(100 * without, 2)} %: is it of this stage, and are its "
+                "units, signs and columns right? Leave it out, or fit it apart"
+            ]
+    return []
 
 
 def _left_without(odd: int, runs: Sequence[AxisRun]) -> float:

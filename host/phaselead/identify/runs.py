@@ -46,6 +46,8 @@ TURN_SHARE = 0.02
 """Of the span of a voltage: a smaller turn is noise or a hesitation."""
 START_SHARE = 0.01
 """Of its span: a voltage that begins closer to 0 V begins there."""
+FEWEST_ROWS = 16
+"""That are judged."""
 JUMP_SHARE = 0.05
 """A change of voltage between two rows beyond this share of its span, and far beyond the usual, is a jump."""
 
@@ -135,8 +137,8 @@ def axis_run(recording: Recording, axis: str) -> AxisRun:
     if not (np.isfinite(u).all() and np.isfinite(x).all()):
         raise BadInput(f"{source}: holds values that are not numbers; cut those rows or record again")
     scored = recording.scored
-    if len(u[scored]) < 16:
-        raise BadInput(f"{source}: {len(u[scored])} rows are too few to judge; at least 16 are needed")
+    if len(u[scored]) < FEWEST_ROWS:
+        raise BadInput(f"{source}: {len(u[scored])} rows are too few to judge; at least {FEWEST_ROWS} are needed")
     if np.ptp(u[scored]) < STILL_V:
         raise BadInput(f"{source}: the voltage of {axis} is constant where it is scored; choose rows where it moves")
     if np.ptp(x[scored]) == 0:
@@ -241,7 +243,7 @@ def sine_of(run: AxisRun, f_Hz: float | None = None) -> SineDrive | None:
     """The sine that the scored voltage is, or None when it is something else. ``f_Hz``: known beforehand."""
     rows = moving_rows(run)
     u = run.u_V[rows]
-    if len(u) < 16:
+    if len(u) < FEWEST_ROWS:
         return None
     rough_Hz = _strongest_line(u, run.step_s) if f_Hz is None else f_Hz
     stride = max(1, int(1.0 / (rough_Hz * run.step_s * ROWS_PER_PERIOD)))

@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
 
-from phaselead.errors import BadInput, more_like_it
-from phaselead.identify.runs import AxisRun, driven_runs
+from phaselead.errors import BadInput
+from phaselead.identify.runs import FEWEST_ROWS, AxisRun, driven_runs
 from phaselead.model import Stage, TableView, predict
 from phaselead.record import Recording, Samples, slow_gain
 
 View = Literal["time", "table"]
 CLEARLY_BETTER = 2.0
-"""Times smaller, of a largest error."""
+"""Times less rms, in the rows in which two predictions differ. Chosen: a quarter of the power."""
 TIME_VIEW = 'judge the time view: --view time (in Python view="time")'
 
 
@@ -34,12 +35,18 @@ class Verification:
     """Of the recording's file, else of its samples."""
     gain: float | None = None
     """By which factor the measured position follows the model's, slowly; None where most of it does not."""
+    about_start: str = ""
+    """What to say where the record is judged by a step in its first row that probably never was."""
 
 
 def verification_dict(verification: Verification) -> dict[str, Any]:
     """As it goes into JSON."""
     figures = asdict(verification)
-    del figures["sha256"], figures["gain"]  # of the page and of doubts; a reader of the JSON has the file
+    del (
+        figures["sha256"],
+        figures["gain"],
+        figures["about_start"],
+    )  # of the page and of doubts; a reader of the JSON has the file
     if verification.axis == "x":
         del figures["axis"]  # the plain form of a one-axis recording
     return figures
@@ -60,49 +67,47 @@ def verify(
         if not runs:
             raise BadInput(left_out[0])
         predicted = predict(stage, recording) if view == "time" else None
+        away = predicted is not None and not all(run.begins_at_0_V for run in runs.values())
+        stood = predict(stage, recording, stood=True) if away else None
         sha256 = recording.traced.sha256
         for axis, run in runs.items():
             if predicted is None:
-                model = _table_response(stage, run)
-            else:
-                stage.axis(axis)
-                x = predicted.axes[axis].x_um
-                assert x is not None
-                model = x[run.scored]
-            found.append(_judge(run, model, refit_offset, sha256))
+                found.append(_judge(run, _table_response(stage, run), refit_offset, sha256))
+                continue
+            stage.axis(axis)
+            x_um = _position(predicted, axis)
+            asked = stood is not None and not run.begins_at_0_V
+            about = _about_start(run, x_um, _position(stood, axis), refit_offset) if asked else ""
+            found.append(replace(_judge(run, x_um[run.scored], refit_offset, sha256), about_start=about))
     return found
 
 
-def stood_elsewhere(stage: Stage, recordings: Sequence[Recording]) -> list[str]:
-    """A line, for all in one, where a driven axis of a recording does not begin at 0 V and the time view describes it
-    clearly better if the stage had long stood there, than by the step from rest at 0 V that it is judged by."""
-    found = []
-    for recording in recordings:
-        runs, _ = driven_runs(recording)
-        away = {name: run for name, run in runs.items() if not run.scored.start and not run.begins_at_0_V}
-        if not away:
-            continue
-        stepped, stood = predict(stage, recording), predict(stage, recording, stood=True)
-        for name, run in away.items():
-            line = _stood(run, stepped.axes[name].x_um, stood.axes[name].x_um)
-            found += [line] if line else []
-    return [found[0] + more_like_it(len(found) - 1)] if found else []
+def _position(predicted: Recording | None, axis: str) -> Samples:
+    x_um = None if predicted is None else predicted.axes[axis].x_um
+    assert x_um is not None
+    return x_um
 
 
-def _stood(run: AxisRun, stepped_um: Samples | None, stood_um: Samples | None) -> str:
-    """What to say of a run for which the two predictions (n,) in um differ; nothing where that is not clearly wrong."""
-    assert stepped_um is not None
-    assert stood_um is not None
-    as_step, as_stood = (np.abs(run.x_um - x_um)[run.scored] for x_um in (stepped_um, stood_um))
-    if as_step.max() < CLEARLY_BETTER * as_stood.max():
+def _about_start(run: AxisRun, stepped_um: Samples, stood_um: Samples, refit_offset: bool) -> str:
+    """What to say of a run that does not begin at 0 V and that is described clearly better if the stage had long stood
+    there (``stood_um``, (n,)) than by a step from rest at 0 V (``stepped_um``). Nothing where the two say the same."""
+    stepped, stood = (run.x_um[run.scored] - x_um[run.scored] for x_um in (stepped_um, stood_um))
+    # Rows in which the two differ by less than the better one is off anyway tell nothing.
+    differ = np.flatnonzero(np.abs(stepped - stood) > np.std(stood))
+    offset_um = stood.mean() if refit_offset else 0.0
+    rms_um = [float(np.sqrt(np.mean((e[differ] - offset_um) ** 2))) if differ.size else 0.0 for e in (stepped, stood)]
+    if rms_um[0] <= CLEARLY_BETTER * rms_um[1]:
         return ""
-    differ = np.flatnonzero(np.abs(stepped_um - stood_um)[run.scored] > as_stood.mean())
-    after_s = float(run.t_s[run.scored][min(differ[-1] + 1, len(as_step) - 1)])
-    return (
-        f"{run.source}: begins at {run.u_V[0]:.3g} V and counts as a step from rest at 0 V, which leaves up to "
-        f"{as_step.max():.3g} um; a stage that had long stood there would leave {as_stood.max():.3g}: if yours had, "
-        f"score only what comes after, with the window @{after_s:.3g}:"
+    t_s = run.t_s[run.scored]
+    said = (
+        f"{run.source}: axis {run.axis} begins at {run.u_V[0]:.3g} V, which counts as a step from rest at 0 V: it "
+        f"leaves {rms_um[0]:.3g} um rms where that matters, {rms_um[1]:.3g} if the stage had long stood there. "
+        "If it had, "
     )
+    if len(t_s) - (differ[-1] + 1) < FEWEST_ROWS:
+        return said + "that matters to the end: record it with the way from 0 V, and score what comes after"
+    decimals = max(0, math.ceil(-math.log10(run.step_s))) + 1
+    return said + f"score only what comes after, with the window @{t_s[differ[-1] + 1]:.{decimals}f}:"
 
 
 def _judge(run: AxisRun, model: Samples, refit_offset: bool, sha256: str) -> Verification:

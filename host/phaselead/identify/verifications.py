@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, get_args
 
 from phaselead.errors import BadInput, more_like_it
 from phaselead.identify.runs import usable
-from phaselead.identify.verification import Verification, View, stood_elsewhere, verification_dict, verify
+from phaselead.identify.verification import Verification, View, verification_dict, verify
 from phaselead.model import Stage, driven_far_beyond, out_of_scale, scale_doubt
 from phaselead.record import Recording
 from phaselead.result import Result, Table
@@ -105,8 +105,7 @@ def judge(
         raise BadInput("no recordings to verify the model on; give at least one file")
     kept, left_out = usable(recordings)
     found = verify(stage, kept, view, refit_offset=refit_offset)
-    doubts = [*driven_far_beyond(stage, kept), *_out_of_scale(found)]
-    doubts += stood_elsewhere(stage, kept) if view == "time" else []
+    doubts = [*driven_far_beyond(stage, kept), *_out_of_scale(found), *_about_starts(found)]
     return Verifications(found, view, model, stage.sha256, left_out, doubts)
 
 
@@ -118,3 +117,9 @@ def _out_of_scale(found: Sequence[Verification]) -> list[str]:
     (first, *more) = off
     gains = [first.gain] if first.gain is not None else []
     return [f"{first.file}: axis {first.axis} moves {scale_doubt(gains)}{more_like_it(len(more))}"]
+
+
+def _about_starts(found: Sequence[Verification]) -> list[str]:
+    """Records that are judged by a step that probably never was, in one line for all."""
+    lines = [one.about_start for one in found if one.about_start]
+    return [lines[0] + more_like_it(len(lines) - 1)] if lines else []

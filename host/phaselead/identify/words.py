@@ -12,7 +12,8 @@ from phaselead.quantity import digits
 from phaselead.record import Recording, Samples
 
 SMALL_SWING = 0.5
-"""Of the span of a fit's voltages: records that swing less show nothing of the loop over all of it. Chosen: half."""
+"""Of the span of a fit's voltages: a loop grows with the swing, and where no record swings as far as half of the span
+it was not seen at the size that is stated."""
 LEVELS = 200
 """Voltages at which the width of a loop is looked up."""
 
@@ -24,8 +25,8 @@ def describe_axis(axis: str, model: AxisModel, records: Sequence[Recording]) -> 
         return f"axis {axis}: no time view"
     parts = [f"{_gain_um_per_V(model):.3g} um/V"]
     width_pct = hysteresis_pct(model)
-    loop = f"hysteresis {width_pct:.2g} % of the travel" if width_pct >= 0.05 else "no hysteresis"
-    parts.append(loop + _of_small_swings(view, axis, records))
+    loop = f"hysteresis {width_pct:.2g} % of the travel" if width_pct >= 0.05 else "no hysteresis seen"
+    parts.append(loop + _in_small_swings(view, axis, records))
     parts += _modes(model)
     parts.append(f"lag {1e3 * (view.delay_s + _filters_s(model)):.2g} ms")
     noise_um = [noise for record in records if (noise := noise_um_rms(record, axis)) is not None]
@@ -41,11 +42,15 @@ def describe_coupling(matrix: Sequence[Sequence[float]]) -> str:
     return f"cross-talk of up to {100 * abs(shares[row, column]):.2g} %: {'xyz'[row]} moves with {'xyz'[column]}"
 
 
-def _of_small_swings(view: TimeView, axis: str, records: Sequence[Recording]) -> str:
+def _in_small_swings(view: TimeView, axis: str, records: Sequence[Recording]) -> str:
     """That no record shows the whole loop, where the voltages of all together span far more than each."""
     driven = [one for record in records if axis in record.axes and (one := record.axes[axis].u_V) is not None]
     swing_V, span_V = max((float(np.ptp(u_V)) for u_V in driven), default=np.inf), float(np.ptp(view.u_range_V))
-    return "" if swing_V > SMALL_SWING * span_V else f" (seen in swings of {swing_V:.2g} V, of {span_V:.2g})"
+    return (
+        ""
+        if swing_V > SMALL_SWING * span_V
+        else f" (no record swings by more than {swing_V:.2g} of the {span_V:.2g} V)"
+    )
 
 
 def _short(value_um: float) -> str:

@@ -104,6 +104,14 @@ def rest_plays(view: TimeView) -> Samples:
     return view.rest_fraction * doubles(view.play_r_V)
 
 
+def plays_after(view: TimeView, *turned_V: float) -> Samples:
+    """Positions of the plays (m,) in V of a stage that went from rest to each of these voltages in turn."""
+    r, at_V = doubles(view.play_r_V), rest_plays(view)
+    for u_V in turned_V:
+        at_V = np.clip(at_V, u_V - r, u_V + r)
+    return at_V
+
+
 def respond(view: TimeView, v: ArrayLike, start: ArrayLike) -> tuple[Samples, Samples]:
     """Position (n,) in um for a voltage ``v`` already delayed, from plays ``start``; and where they end."""
     v, end = doubles(v), np.array(start, dtype=np.float64)

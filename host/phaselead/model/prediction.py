@@ -9,7 +9,7 @@ from phaselead.errors import BadInput
 from phaselead.model.axis import TimeView
 from phaselead.model.chain import Chain
 from phaselead.model.effects import Entry, Place, effect_of_shares
-from phaselead.model.operator import respond, rest_plays
+from phaselead.model.operator import plays_after
 from phaselead.model.stage_file import Stage
 from phaselead.record import AXES, AxisRecord, Recording, refuse_gapped
 
@@ -72,8 +72,9 @@ def _chain(stage: Stage, recording: Recording, axis: str, stood: bool) -> Chain:
     view = time_view_of(stage, axis)
     u = recording.axes[axis].u_V
     assert u is not None
-    start = respond(view, u[:1], rest_plays(view))[1] if stood else None
-    return Chain(stage.axis(axis), recording.t_s, u, start=start)
+    if not stood:
+        return Chain(stage.axis(axis), recording.t_s, u)
+    return Chain(stage.axis(axis), recording.t_s, u, start=plays_after(view, float(u[0])), turned_V=0.0)
 
 
 def _seen(stage: Stage, axis: str, others: Iterable[str]) -> list[Entry]:

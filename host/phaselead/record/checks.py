@@ -28,7 +28,13 @@ def require_finite(name: str, values: Samples, where: Where, source: str) -> Non
     bad = np.flatnonzero(~(np.abs(values) < NOT_MEASURED))
     if bad.size:
         value = values[bad[0]]
-        what = "empty or not a number" if np.isnan(value) else "infinite" if np.isinf(value) else f"{value:.3g}"
+        what = (
+            "empty or not a number"
+            if np.isnan(value)
+            else "infinite"
+            if np.isinf(value)
+            else f"{value:.3g}, which no instrument gives"
+        )
         more = f" (and {bad.size - 1} more)" if bad.size > 1 else ""
         raise BadInput(
             f"{source}: {where(int(bad[0]))}: {name} is {what}{more}; cut the recording there or measure again"

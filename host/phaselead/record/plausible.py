@@ -21,11 +21,13 @@ NEARLY = 0.01
 """Largest relative difference between two rates that count as one."""
 SLOWLY = 0.01
 """Roughness of a sine of forty rows a period. Of what is driven faster the mechanics may keep the smoother part."""
-SAME = 1e-9
+ONE_LEVEL = 1e-9
 """Of the range: levels closer than this are one, written in another way."""
 OF_STEPS = 0.67 * math.sqrt(70)
 """Median fourth difference of noise whose rms is one step: the weights 1, -4, 6, -4, 1. A sensor is read in steps finer
-than its noise; what is rough by no more than its steps is a coarse converter's voltage."""
+than its noise; what is no rougher than its steps is taken for a coarse converter's voltage, though a coarse sensor may
+be so too."""
+
 
 TIME_UNITS = {"ms": 1e-3, "us": 1e-6}
 """Of times that are taken for seconds."""
@@ -72,7 +74,7 @@ def doubts_about(recording: Recording) -> list[str]:
 def seem_exchanged(u_V: Samples, x_um: Samples) -> bool:
     """Whether the voltage (n,) of a slow drive is rougher than the position, as only a sensor's column is. In a closed
     loop it may be so. What a coarse converter's steps make rough is no sensor's noise."""
-    if not np.ptp(u_V) > 0:
+    if len(u_V) < 5 or not np.ptp(u_V) > 0:
         return False
     noisier = roughness(u_V, 4) > ROUGHER * roughness(x_um, 4)
     return bool(noisier and SLOWLY > roughness(u_V) > roughness(x_um)) and not _is_of_steps(u_V)
@@ -81,5 +83,5 @@ def seem_exchanged(u_V: Samples, x_um: Samples) -> bool:
 def _is_of_steps(values: Samples) -> bool:
     """Whether (n,) are no rougher than the step between them."""
     between = np.diff(np.unique(values))
-    step = float(np.min(between[between > SAME * np.ptp(values)]))
+    step = float(np.min(between[between > ONE_LEVEL * np.ptp(values)]))
     return float(np.median(np.abs(np.diff(values, 4)))) <= OF_STEPS * step

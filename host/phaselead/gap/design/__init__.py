@@ -10,6 +10,7 @@ from phaselead.gap.design.proposal import (
     proposal_of,
     read_proposal,
     records_that_show,
+    refuse_other_rate,
     run_proposal,
 )
 
@@ -22,6 +23,7 @@ __all__ = [
     "propose",
     "read_proposal",
     "records_that_show",
+    "refuse_other_rate",
     "run_proposal",
     "sensor_for",
 ]

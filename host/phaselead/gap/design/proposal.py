@@ -153,7 +153,7 @@ def run_proposal(
     PhaseleadError for what the device refuses.
     """
     excitation = excitation_of(proposed)
-    _refuse_other_rate(stage, axis)
+    refuse_other_rate(stage, axis)
     waveforms = None if excitation.idle else {axis: excitation.wave()}
     with Device.open(port) as device:
         record_open_loop(
@@ -161,9 +161,9 @@ def run_proposal(
         )
 
 
-def _refuse_other_rate(stage: Stage | None, axis: str) -> None:
-    """Refuse a model beside whose records a device's would not be taken."""
-    view = None if stage is None else stage.axis(axis).time
+def refuse_other_rate(stage: Stage | None, axis: str) -> None:
+    """Refuse a model beside whose records a device's would not be taken. Raises BadInput."""
+    view = stage.axes[axis].time if stage is not None and axis in stage.axes else None
     if view is not None and abs(view.rate_Hz / TICK_HZ - 1) > SAME_RATE:
         raise BadInput(
             f"the model is of records at {view.rate_Hz:.6g} Hz, a device records at {TICK_HZ:.6g} Hz, and gap compares "
