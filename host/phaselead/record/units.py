@@ -29,12 +29,14 @@ def factors_moved(pairs: Sequence[tuple[Samples, Samples]], steps_s: Sequence[fl
     """The positive ones of ``gains_moved`` up to AS_SLOW: what runs against what was expected may be behind a mode, as
     far down as that, or seen by a sensor that counts backwards. Of faster records those that move a unit further than
     any of these: behind a mode motion falls far, but that of a flexure raises it a hundred times at most (zeta 0.005).
+    These must do so as a whole: what little slow motion is in a fast drive may be creep.
     """
     f_Hz = _frequencies_Hz(pairs, steps_s)
     gains = {i: gain for i, gain in _gains(pairs, f_Hz).items() if gain > 0}
     slow = _about_as_slow(f_Hz, AS_SLOW)
     largest = max((gain for i, gain in gains.items() if i in slow), default=math.inf)
-    return {i: gain for i, gain in gains.items() if i in slow or in_another_unit(max(gain / largest, 1.0))}
+    whole = {i: float(np.std(pairs[i][1]) / np.std(pairs[i][0])) for i in gains}
+    return {i: g for i, g in gains.items() if i in slow or in_another_unit(max(min(g, whole[i]) / largest, 1.0))}
 
 
 def gains_moved(pairs: Sequence[tuple[Samples, Samples]], steps_s: Sequence[float], as_slow: float) -> dict[int, float]:

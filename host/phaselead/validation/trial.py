@@ -92,16 +92,17 @@ def _known(case: Case) -> AxisModel:
 
 
 def _floor_um(stage: Stage, bare: Sequence[Recording] | None) -> float | None:
-    """RMS error (um) of the base on the held-out records with nothing hidden, each about its own offset."""
+    """RMS error (um) of the base on the held-out records with nothing hidden, each about its own offset, from a step
+    from rest in the first row or of a stage that had long stood there: whichever leaves less, as ``gap`` takes it."""
     if bare is None:
         return None
     errors = []
     for record in bare:
-        for axis, predicted in predict(stage, record).axes.items():
-            measured = record.axes[axis].x_um
-            if measured is not None and predicted.x_um is not None:
-                error = measured - predicted.x_um
-                errors.append(error - error.mean())
+        began = [predict(stage, record, stood=stood) for stood in (False, True)]
+        for axis, driven in record.axes.items():
+            if driven.x_um is not None and driven.u_V is not None:
+                left = [driven.x_um - x_um for one in began if (x_um := one.axes[axis].x_um) is not None]
+                errors.append(min((error - error.mean() for error in left), key=np.std))
     return float(np.sqrt(np.mean(np.concatenate(errors) ** 2)))
 
 
