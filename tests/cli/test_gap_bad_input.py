@@ -183,6 +183,21 @@ def test_a_position_that_never_moves(run, folder):
     refused(run, folder, "never changes", "connected and mapped", train=folder / "dead.csv")
 
 
+def test_a_coarse_sensor_at_rest_may_read_one_value(run, folder):
+    """Of records that are driven it would be dead."""
+    coarse = [rows(seed) for seed in (6, 7)]
+    for values, name in zip(coarse, ("train", "other"), strict=True):
+        values[:, 2] = np.round(values[:, 2])
+        write(folder / f"{name}.csv", values)
+    idle = rows(8)
+    idle[:, 1:] = 0.0
+    outcome = run(
+        "gap", "--model", folder / "model.toml", "--train", folder / "train.csv", write(folder / "idle.csv", idle),
+        "--holdout", folder / "other.csv", "-o", folder / "next.toml",
+    )  # fmt: skip
+    assert outcome.status == 0, outcome.err
+
+
 def test_a_saturated_sensor(run, folder):
     clipped = rows(5)
     clipped[:, 2] = np.minimum(clipped[:, 2], 80.0)

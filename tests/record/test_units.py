@@ -85,3 +85,12 @@ def test_what_moves_a_thousand_times_as_far_is_told_at_any_speed(decades, f_Hz, 
     quick_V, quick_um = steady(min(times * f_Hz, 2000.0), 1.0, 8.0 * 1e3 * 10**decades)
     found = factors_moved([(u_V, x_um), (quick_V, quick_um)], [STEP_S] * 2)
     assert in_another_unit(found[1] / found[0])
+
+
+def test_creep_beside_a_fast_drive_is_no_unit():
+    """Of a quick sweep next to nothing is slow; where the stage creeps, its slow motion is hundreds of times that."""
+    slow, quick = steady(2.0, 1.0), steady(400.0, 1.0)
+    creeps_um = np.linspace(0.0, 30.0, len(T_S))
+    expected_um, position_um = quick[1] + 0.001 * creeps_um, quick[1] + creeps_um
+    assert not apart([(slow[1], slow[1]), (expected_um, position_um)])
+    assert apart([(slow[1], slow[1]), (expected_um, 1000 * expected_um)])

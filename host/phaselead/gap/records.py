@@ -235,7 +235,7 @@ def _refuse_other_rate(stage: Stage, axis: str, runs: Sequence[GapRun]) -> None:
                 f"{run.source}: is sampled at {rate_Hz:.6g} Hz but the model was fitted at {view.rate_Hz:.6g} Hz; "
                 f"{times_in(rate_Hz, view.rate_Hz) or instead}"
             )
-        if np.ptp(run.x_um[run.rows]) == 0:
+        if run.driven and np.ptp(run.x_um[run.rows]) == 0:
             raise BadInput(f"{run.source}: the position of {axis} never changes; is the sensor connected and mapped?")
 
 
