@@ -23,22 +23,21 @@ Where = Callable[[int], str]
 """Names a row (0-based) in words: "line 17" of a text file, "row 16" of an array."""
 
 
-def require_finite(name: str, values: Samples, where: Where, source: str) -> None:
+def require_measured(name: str, values: Samples, where: Where, source: str) -> None:
     """Refuse NaN, infinities and what no instrument gives."""
     bad = np.flatnonzero(~(np.abs(values) < NOT_MEASURED))
     if bad.size:
-        value = values[bad[0]]
-        what = (
-            "empty or not a number"
-            if np.isnan(value)
-            else "infinite"
-            if np.isinf(value)
-            else f"{value:.3g}, which no instrument gives"
-        )
+        what = _unlike_measured(float(values[bad[0]]))
         more = f" (and {bad.size - 1} more)" if bad.size > 1 else ""
         raise BadInput(
             f"{source}: {where(int(bad[0]))}: {name} is {what}{more}; cut the recording there or measure again"
         )
+
+
+def _unlike_measured(value: float) -> str:
+    if np.isnan(value):
+        return "empty or not a number"
+    return "infinite" if np.isinf(value) else f"{value:.3g}, which no instrument gives"
 
 
 def require_rows(rows: int, source: str) -> None:

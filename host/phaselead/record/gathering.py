@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from phaselead.errors import BadInput
 from phaselead.record.axis_record import Samples
-from phaselead.record.checks import require_finite, require_uniform
+from phaselead.record.checks import require_measured, require_uniform
 from phaselead.record.columns import UNITS, ColumnMap, axes_of, parse_column_map, parse_rate, shown
 from phaselead.record.read import read_recording, refuse_map_of_some, split_argument
 from phaselead.record.recording import Recording, Recordings
@@ -101,8 +101,8 @@ def from_columns(columns: Mapping[str, ArrayLike], source: str = "arrays") -> Re
     for name, values in arrays.items():
         if values.shape != t_s.shape or values.ndim != 1:
             raise BadInput(f"{source}: {name} has shape {values.shape}, t_s {t_s.shape}; one value for each time")
-        require_finite(name, values, where, source)
-    require_finite("t_s", t_s, where, source)
+        require_measured(name, values, where, source)
+    require_measured("t_s", t_s, where, source)
     require_uniform(t_s, where, source)
     return Recording(t_s=t_s, axes=axes_of(arrays, source), source=source)
 

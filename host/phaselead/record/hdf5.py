@@ -29,7 +29,7 @@ from phaselead.errors import BadInput, PhaseleadError
 from phaselead.record.atomic import atomic_path
 from phaselead.record.axis_record import Samples
 from phaselead.record.bounded import require_walkable
-from phaselead.record.checks import require_finite, require_rate, require_uniform
+from phaselead.record.checks import require_measured, require_rate, require_uniform
 from phaselead.record.columns import UNITS, axes_of, columns_of
 from phaselead.record.deferred import new_hdf5
 from phaselead.record.recording import Recording
@@ -216,7 +216,7 @@ def _samples(dataset: Any, name: str, path: str, size: int) -> Samples:
     if units != UNITS[name]:
         raise BadInput(f"{path}: {name} has units {str(units)[:20]!r}, expected {UNITS[name]}; convert it")
     values = np.asarray(_array(dataset, size), dtype=np.float64)
-    require_finite(name, values, _row, path)
+    require_measured(name, values, _row, path)
     return values
 
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from phaselead.errors import BadInput
 from phaselead.record.axis_record import Samples
-from phaselead.record.checks import require_finite
+from phaselead.record.checks import require_measured
 from phaselead.record.columns import UNITS, axes_of, shown
 from phaselead.record.direction import counts_backwards
 from phaselead.record.foreign import ForeignColumn, ForeignTable, read_foreign
@@ -164,7 +164,7 @@ def _recording(
     by_number = {column.number: column.values for column in table.columns}
     columns = {one.name: by_number[one.column.number] * one.scale for one in mapped}
     for column, values in columns.items():
-        require_finite(column, values, lambda row: f"row {row + 1}", name)
+        require_measured(column, values, lambda row: f"row {row + 1}", name)
     rows = len(next(iter(columns.values())))
     if rate_Hz is not None:
         columns["t_s"] = np.arange(rows) / rate_Hz

@@ -16,7 +16,14 @@ import numpy as np
 
 from phaselead.errors import BadInput
 from phaselead.record.axis_record import Samples
-from phaselead.record.checks import MISSING_FROM, Where, missing_samples, require_finite, require_rows, require_uniform
+from phaselead.record.checks import (
+    MISSING_FROM,
+    Where,
+    missing_samples,
+    require_measured,
+    require_rows,
+    require_uniform,
+)
 from phaselead.record.columns import (
     MAP_EXAMPLE,
     ColumnMap,
@@ -69,7 +76,7 @@ def read_text(
         return f"line {_line_number(content, layout, row)}"
 
     for name, (_, scale) in layout.columns.items():
-        require_finite(name, table[name], where, source)
+        require_measured(name, table[name], where, source)
         if scale != 1:
             table[name] = table[name] * scale
     require_rows(len(next(iter(table.values()))), source)

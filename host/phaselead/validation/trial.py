@@ -93,7 +93,7 @@ def _known(case: Case) -> AxisModel:
 
 def _floor_um(stage: Stage, bare: Sequence[Recording] | None) -> float | None:
     """RMS error (um) of the base on the held-out records with nothing hidden, each about its own offset, from a step
-    from rest in the first row or of a stage that had long stood there: whichever leaves less, as ``gap`` takes it."""
+    from rest in the first row or of a stage that had long stood there: whichever leaves less."""
     if bare is None:
         return None
     errors = []

@@ -27,6 +27,7 @@ from phaselead.model import (
     TimeView,
     effect_of_modes,
     mode_coefficients,
+    plays_after,
     resonant,
     second_order_residual,
     simulate,
@@ -184,10 +185,10 @@ def _answer(view: TimeView, beside: Sequence[Entry], run: AxisRun, came_from_V: 
 def _plays_V(view: TimeView, came_from_V: float | None, run: AxisRun) -> Samples | None:
     """Where the plays (m,) stand in the first row of a record. Where nothing tells from where it came it was from rest:
     None at 0 V; elsewhere the stage stood there when the record began, and no mode rings of the way."""
-    r, first_V = np.asarray(view.play_r_V), float(run.u_V[0])
+    first_V = float(run.u_V[0])
     if came_from_V is not None:
-        return np.clip(view.rest_fraction * r, came_from_V - r, came_from_V + r)
-    return np.clip(view.rest_fraction * r, first_V - r, first_V + r) if abs(first_V) > STILL_V else None
+        return plays_after(view, came_from_V)
+    return plays_after(view, first_V) if abs(first_V) > STILL_V else None
 
 
 @dataclass(frozen=True)
