@@ -7,7 +7,7 @@ import pytest
 from bench_stage import Array, record, rising_sine
 
 from phaselead.identify.operator.regressors import FitRun, rows_to_fit
-from phaselead.identify.operator.starting_memories import settled, starting_memory, with_memories
+from phaselead.identify.operator.starting_memories import settled_of, starting_memory, with_memories
 from phaselead.identify.runs import axis_run
 from phaselead.record.recording import Recording
 
@@ -25,21 +25,35 @@ def test_settled_begins_at_the_first_top():
     """From there on no play that still moves remembers the start."""
     fit = fitted(rising())
     assert len(fit.rows) == 750
-    assert 115 <= settled(fit).rows[0] <= 125
-    assert settled(fit).rows[-1] == 749
+    (late,) = settled_of([fit])
+    assert 115 <= late.rows[0] <= 125
+    assert late.rows[-1] == 749
 
 
 def test_rows_before_a_window_settle_it():
     whole = rising()
     windowed = Recording(whole.t_s, whole.axes, slice(250, None), "windowed")
-    assert len(settled(fitted(windowed)).rows) == 500
+    assert len(settled_of([fitted(windowed)])[0].rows) == 500
 
 
-def test_a_record_that_grows_to_its_end_is_used_whole():
+def growing() -> Recording:
+    """Never settled: it reaches the end of its voltage with its last rows."""
     t = np.arange(1000) / 500
     u = t * (1 - np.cos(2 * np.pi * 4 * t))
-    fit = fitted(record(t, u, 10 * u))
-    assert len(settled(fit).rows) == len(fit.rows)
+    return record(t, u, 10 * u)
+
+
+def test_records_of_which_none_is_ever_settled_are_used_whole():
+    fits = [fitted(growing()), fitted(growing())]
+    assert [len(late.rows) for late in settled_of(fits)] == [1000, 1000]
+
+
+def test_beside_settled_records_one_that_never_is_does_not_draw_the_operator():
+    """It stands with its last rows, which tell its offset."""
+    late, unsettled = settled_of([fitted(rising()), fitted(growing())])
+    assert len(late.rows) > 600
+    assert 20 <= len(unsettled.rows) < 100
+    assert unsettled.rows[-1] == 999
 
 
 WAVE = np.cos(np.arange(750.0))

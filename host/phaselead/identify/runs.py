@@ -50,6 +50,11 @@ FEWEST_ROWS = 16
 """That are judged."""
 JUMP_SHARE = 0.05
 """A change of voltage between two rows beyond this share of its span, and far beyond the usual, is a jump."""
+SLOW_END = 0.1
+"""Of a jump's steepest change: where the voltage moves more slowly, the jump has not begun or is over. A sine-shaped
+one has gone 0.3 % of its way there."""
+ROWS_BEFORE = 5
+"""Whose median is where the stage was before a jump."""
 
 
 class SineDrive(NamedTuple):
@@ -307,19 +312,43 @@ def period_s(run: AxisRun) -> float:
 def jumps(run: AxisRun) -> NDArray[np.intp]:
     """Rows at which the voltage jumps; row 0 is one when the record does not begin at 0 V."""
     steps = np.abs(np.diff(run.u_V, prepend=0.0))
-    usual = float(np.quantile(steps[run.scored], 0.99))
-    return np.flatnonzero(steps > max(JUMP_SHARE * float(np.ptp(run.u_V[run.scored])), 5 * usual))
+    return np.flatnonzero(steps > max(JUMP_SHARE * float(np.ptp(run.u_V[run.scored])), 5 * _usual_step_V(run)))
+
+
+def _usual_step_V(run: AxisRun) -> float:
+    """By how much the voltage changes between two rows where it does not jump, at most."""
+    return float(np.quantile(np.abs(np.diff(run.u_V, prepend=0.0))[run.scored], 0.99))
 
 
 def longest_delay_s(run: AxisRun) -> float:
-    """The longest delay that the jumps inside the record allow: until the position has gone half of the way."""
-    slope = np.ptp(run.x_um[run.scored]) / np.ptp(run.u_V[run.scored])
+    """The longest delay that the jumps inside the record allow: until the position has gone half of the way, beyond
+    what the slow motion before may have made it go. Infinite where it has none.
+
+    Nothing of a jump is seen before the delay has passed since its first row, however many rows it takes.
+    """
+    slope, usual_V = run.range_um / np.ptp(run.u_V[run.scored]), _usual_step_V(run)
     bound = np.inf
-    for row in jumps(run):
-        if row == 0:
-            continue
-        way = slope * abs(run.u_V[row] - run.u_V[row - 1])
-        gone = np.abs(run.x_um[row:] - np.median(run.x_um[max(0, row - 5) : row])) > way / 2
+    for first, last in _whole_jumps(run):
+        way_V = abs(run.u_V[last] - run.u_V[first - 1])
+        before = slice(max(0, first - ROWS_BEFORE), first)
+        moved = np.abs(run.x_um[first:] - np.median(run.x_um[before]))
+        slow_V = usual_V * (np.arange(len(moved)) + ROWS_BEFORE)
+        gone = moved > slope * (way_V / 2 + slow_V)
         if gone.any():
             bound = min(bound, float(np.argmax(gone) + 0.5) * run.step_s)
     return bound
+
+
+def _whole_jumps(run: AxisRun) -> list[tuple[int, int]]:
+    """First and last row of every jump inside the record: a drive that rounds its steps takes several rows for one."""
+    steps = np.diff(run.u_V, prepend=run.u_V[0])
+    found: list[tuple[int, int]] = []
+    for row in jumps(run).tolist():
+        if row == 0 or (found and row <= found[-1][1]):
+            continue
+        still = np.flatnonzero(steps * np.sign(steps[row]) <= SLOW_END * abs(steps[row]))
+        after = np.searchsorted(still, row)
+        first = int(still[after - 1]) + 1
+        last = int(still[after]) - 1 if after < len(still) else len(steps) - 1
+        found.append((first, last))
+    return found

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize
 
 from phaselead.identify.modal.shown_modes import measured_response, modes_shown
-from phaselead.identify.operator import OperatorFit, fit_linear, fit_operator, place_operator, refit_operator
+from phaselead.identify.operator import OperatorFit, fit_linear, fit_operator, place_operator
 from phaselead.identify.runs import STILL_V, AxisRun
 from phaselead.model import (
     AdoptedEffect,
@@ -107,7 +107,7 @@ def fit_together(runs: Sequence[AxisRun]) -> tuple[OperatorFit, FittedModes | No
     if ringing is None:
         return alone, ringing
     behind = replace(alone, view=ringing.adopted(alone.view)[0])
-    again = refit_operator(runs, behind, ringing.modes)
+    again = fit_operator(runs, ringing.modes, shown.lag_s)
     if _squares(again, again.modes, runs) > _squares(behind, ringing.modes, runs):
         return alone, ringing
     return _believed(alone, again, runs) or (alone, ringing)

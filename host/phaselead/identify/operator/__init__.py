@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from phaselead.identify.operator.fitting import fit_linear, fit_operator, place_operator, refit_operator
+from phaselead.identify.operator.fitting import fit_linear, fit_operator, place_operator
 from phaselead.identify.operator.regressors import play_thresholds
 from phaselead.identify.operator.result import OperatorFit, effective_rows
 from phaselead.identify.operator.starting_memories import starting_memory
@@ -16,6 +16,5 @@ __all__ = [
     "fit_plays",
     "place_operator",
     "play_thresholds",
-    "refit_operator",
     "starting_memory",
 ]

@@ -34,6 +34,7 @@ from phaselead.identify.operator.result import (
     standard_errors,
 )
 from phaselead.identify.operator.solution import (
+    EXACT,
     REST_STEP,
     Solution,
     best_operator,
@@ -41,7 +42,7 @@ from phaselead.identify.operator.solution import (
     centred,
     moments,
 )
-from phaselead.identify.operator.starting_memories import OTHER_MEMORY, settled, told_memories, with_memories
+from phaselead.identify.operator.starting_memories import OTHER_MEMORY, settled_of, told_memories, with_memories
 from phaselead.identify.runs import AxisRun, longest_delay_s, period_s
 from phaselead.model import LONGEST_DELAY_S, PLAYS, PLAYS_ALIKE, Mode
 from phaselead.record import Samples
@@ -65,6 +66,8 @@ SHORTER_DELAY = 1.05
 OFFSETS_DIFFER = 0.01
 """Of the range: when the median record is further off, every one gets an offset of its own; when a few are, so they do
 if that explains what no starting memory does."""
+MEMORY_TURNS = 4
+"""How often memories are told by the operator that went with those of before."""
 REST_MATTERS = 1.001
 """The memory at rest is known when other rest fractions cost more than this factor in error."""
 PLACED_TURNS, PLACED = 3, 0.98
@@ -155,7 +158,7 @@ def _with_memories(records: _Records, modes: tuple[Mode, ...]) -> tuple[_Records
     apart = replace(records, own_offsets=True)
     message = "the records differ in offset by more than 1 % of their range: each has its own"
     first = _of_settled_rows(records, modes)
-    if float(np.median(_offsets([settled(f) for f in records.fits], first))) > OFFSETS_DIFFER:
+    if float(np.median(_offsets(settled_of(records.fits), first))) > OFFSETS_DIFFER:
         records, found, said = _told_apart(apart, first)
         return records, found, [message, *said]
     common = _told_apart(records, first)
@@ -168,23 +171,46 @@ def _with_memories(records: _Records, modes: tuple[Mode, ...]) -> tuple[_Records
 
 def _of_settled_rows(records: _Records, modes: tuple[Mode, ...]) -> Solution:
     """The operator of the rows that remember nothing of what was before their record but an offset."""
-    late = replace(records, fits=[settled(f) for f in records.fits])
+    late = replace(records, fits=settled_of(records.fits))
     return late.searched(late.basis(*SEARCH), _first_delay_s(late), 0.0, modes)
 
 
 def _told_apart(records: _Records, first: Solution) -> tuple[_Records, Solution, list[str]]:
-    """The same where it is known whether each record has an offset of its own; ``first`` is of settled rows."""
-    late = replace(records, fits=[settled(f) for f in records.fits])
+    """The same where it is known whether each record has an offset of its own; ``first`` is of settled rows.
+
+    Memories are told by an operator and the operator goes with the memories: what a wrong one made of a record is told
+    anew by the operator that the others led to.
+    """
+    late = replace(records, fits=settled_of(records.fits))
     basis, _ = _choose_basis(late, first)
-    found = late.at(basis, first.delay_s, first.rest_fraction, first.modes)
-    moved, said = with_memories(records.fits, found.residual, own_offsets=records.own_offsets)
-    at_rest = records.searched(basis, first.delay_s, 0.0, first.modes)
-    if said:
-        elsewhere = replace(records, fits=moved)
-        found = elsewhere.searched(basis, first.delay_s, first.rest_fraction, first.modes)
-        if found.error**2 < OTHER_MEMORY * at_rest.error**2:
-            return elsewhere, found, said
-    return records, at_rest, []
+    best = at_rest = records, records.searched(basis, first.delay_s, 0.0, first.modes), []
+    told: list[list[float | None]] = []
+    for found in (late.at(basis, first.delay_s, first.rest_fraction, first.modes), at_rest[1]):
+        for _ in range(MEMORY_TURNS):
+            moved, said = with_memories(records.fits, found.residual, own_offsets=records.own_offsets)
+            memories = [f.came_from_V for f in moved]
+            if not said or memories in told:
+                break
+            told.append(memories)
+            elsewhere = replace(records, fits=moved)
+            found = elsewhere.searched(basis, first.delay_s, first.rest_fraction, first.modes)
+            if found.error < best[1].error and _tell_better(elsewhere, found, at_rest[1]):
+                best = elsewhere, found, said
+    return best
+
+
+def _tell_better(elsewhere: _Records, found: Solution, at_rest: Solution) -> bool:
+    """Whether the memories leave clearly less of the records that have one than if all had come from rest."""
+    own = elsewhere.own_offsets
+    moved = [fit for fit in elsewhere.fits if fit.came_from_V is not None]
+    gains = [_square(found, f, own) / _square(at_rest, replace(f, came_from_V=None), own) for f in moved]
+    return float(np.exp(np.mean(np.log(gains)))) < OTHER_MEMORY
+
+
+def _square(found: Solution, fit: FitRun, own_offset: bool) -> float:
+    """Mean square that is left of a record, at least what rounding leaves."""
+    e = found.residual(fit)
+    return float(np.var(e) if own_offset else np.mean(e**2)) + (EXACT * fit.run.range_um) ** 2
 
 
 def _known_rest(rest_fraction: float) -> float:
@@ -258,20 +284,6 @@ def _searched_from(records: _Records, start: Solution) -> Solution:
     """The best operator and modes from there on; a single mode that carries all of the motion goes on to do so."""
     whole = [c for c, _, _ in start.modes] == [1.0]
     return records.searched(start.basis, start.delay_s, _known_rest(start.rest_fraction), start.modes, whole=whole)
-
-
-def refit_operator(runs: Sequence[AxisRun], known: OperatorFit, modes: tuple[Mode, ...]) -> OperatorFit:
-    """Operator and modes fitted together from there on; offsets of the records, and memories other than rest, stay as
-    in ``known``."""
-    memories = [record.came_from_V for record in known.records]
-    records = _Records(
-        runs, _thinned(runs, SEARCH_ROWS, ringing_s=ringing_s(modes), memories=memories), known.own_offsets
-    )
-    first = records.basis(*SEARCH, fading=len(known.fading_r_V) > 0)
-    found = records.searched(first, known.view.delay_s, _known_rest(known.view.rest_fraction), modes)
-    basis, choices = _choose_basis(records, found)
-    records, found, messages = _told_behind_modes(records, _paying(records, replace(found, basis=basis)), known)
-    return _of_all_rows(records, replace(found, basis=basis), modes, choices, messages)
 
 
 def place_operator(runs: Sequence[AxisRun], known: OperatorFit, modes: tuple[Mode, ...]) -> OperatorFit:

@@ -11,6 +11,7 @@ from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from phaselead.identify.operator.regressors import FitRun
 from phaselead.record import Samples
@@ -25,7 +26,9 @@ DRIFT = 0.01
 END_SHARE = 0.01
 """Of the span: this close to the end of its voltage a record has been there."""
 ENOUGH_ROWS = 1 / 3
-"""Of the rows: a record with fewer settled ones is used whole."""
+"""Of the rows: where no record has so many settled ones, all are used whole."""
+FEWEST_SETTLED = 20
+"""Rows that tell the offset of a record at least."""
 NAMED_RECORDS = 3
 """How many records a message names."""
 
@@ -53,14 +56,29 @@ def starting_memory(
     return min((p for p, square in zip(points, found, strict=True) if square <= alike * least), key=abs)
 
 
-def settled(fit: FitRun) -> FitRun:
-    """The record without the rows in which it still remembers what was before it."""
+def settled_of(fits: Sequence[FitRun]) -> list[FitRun]:
+    """The records without the rows in which they still remember what was before them.
+
+    A record that is never settled would draw the operator to a memory that nobody knows yet. It stands with its last
+    rows, which remember least, for the others to tell where it began; where all are like that they stand whole.
+    """
+    kept = [fit.rows >= _forgotten(fit) for fit in fits]
+    if not any(keep.sum() >= ENOUGH_ROWS * len(keep) for keep in kept):
+        return list(fits)
+    return [_of_rows(fit, keep) for fit, keep in zip(fits, kept, strict=True)]
+
+
+def _forgotten(fit: FitRun) -> int:
+    """The first row that remembers nothing of what was before the record but an offset."""
     u = fit.run.u_V
     slack = END_SHARE * np.ptp(u)
-    forgotten = max(int(np.argmax(u >= u.max() - slack)), int(np.argmax(u <= u.min() + slack)))
-    keep = fit.rows >= forgotten
-    if keep.sum() < ENOUGH_ROWS * len(keep):
-        return fit
+    return max(int(np.argmax(u >= u.max() - slack)), int(np.argmax(u <= u.min() + slack)))
+
+
+def _of_rows(fit: FitRun, keep: NDArray[np.bool_]) -> FitRun:
+    """The record with these rows, or with its last ones where these are too few to tell its offset."""
+    if keep.sum() < FEWEST_SETTLED:
+        keep = np.arange(len(keep)) >= len(keep) - FEWEST_SETTLED
     return replace(fit, rows=fit.rows[keep], groups=fit.groups[keep])
 
 
