@@ -111,7 +111,7 @@ def test_a_mode_is_judged_from_where_each_record_began():
     """From rest, what the memory of a record does is left of it, mode or not: the mode explained 3 % and was refused
     where a few more records began elsewhere."""
     runs, tops_V = session((2.0, 4.0, 8.0), (10.0, 15.0, 20.0))
-    memories = [None, *tops_V[:-1]]
+    memories = [None, *[(top_V,) for top_V in tops_V[:-1]]]
     assert find_modes(PLAYS, runs, memories).share_left < 0.1
     without = find_modes(PLAYS, runs)
     assert without is None or without.share_left > 0.3
@@ -123,4 +123,4 @@ def test_the_memory_of_a_record_is_found_behind_its_ringing():
     runs, _ = session((1.0, 2.0, 4.0, 6.0, 8.0, 10.0), (40.0, 20.0, 10.0))
     found, mode = fit_together(runs)
     assert mode.modes[0] == pytest.approx(MODE, rel=0.05)
-    assert [one.source for one in found.records if one.came_from_V is None] == ["1 V, 40 Hz"]
+    assert [one.source for one in found.records if one.turned_V is None] == ["1 V, 40 Hz"]

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from phaselead.gap.records import GapRun
-from phaselead.identify import starting_memory
+from phaselead.identify import Turns, starting_memory
 from phaselead.model import AxisModel, Chain, Entry, Extra, Place, effect, plays_after, respond, rest_plays
 from phaselead.record import Samples
 
@@ -41,8 +41,8 @@ class Began(NamedTuple):
 
     plays_V: Samples
     """(m,) where the plays stand in its first row."""
-    turned_V: float
-    """Where the voltage last turned round before it."""
+    turned_V: Turns
+    """Where the voltage turned round before it."""
 
 
 @dataclass(frozen=True)
@@ -116,13 +116,13 @@ def _best_start(axis: AxisModel, run: GapRun) -> Began | None:
     assert view is not None
     rows = np.arange(run.start, run.stop, max(1, len(u) // MEMORY_ROWS))
 
-    def began(turned_V: float) -> Began:
-        return Began(plays_after(view, turned_V, float(u[0])), turned_V)
+    def began(turned_V: Turns) -> Began:
+        return Began(plays_after(view, *turned_V, float(u[0])), turned_V)
 
     def left(start: Began | None) -> Samples:
         return np.asarray((run.x_um - _chain(axis, run, start).run())[rows])
 
-    stood = began(0.0)
+    stood = began(())
     stood_left, stepped_variance = left(stood), float(np.var(left(None)))
     stood_variance = float(np.var(stood_left))
     # A base without dynamics answers both alike; what is tried beside it then begins where the stage was.
@@ -131,7 +131,7 @@ def _best_start(axis: AxisModel, run: GapRun) -> Began | None:
         return at_rest
     stood_um = _operator_um(axis, run, stood)[rows]
 
-    def variance(turned_V: float | None) -> float:
+    def variance(turned_V: Turns | None) -> float:
         if turned_V is None:
             return min(stood_variance, stepped_variance)
         return float(np.var(stood_left - (_operator_um(axis, run, began(turned_V))[rows] - stood_um)))

@@ -44,15 +44,15 @@ def simulate(
     others_um: Mapping[str, Samples] | None = None,
     extra: Extra = (),
     start: ArrayLike | None = None,
-    turned_V: float | None = None,
+    turned_V: Sequence[float] | None = None,
     rng: np.random.Generator | None = None,
 ) -> Samples:
     """Position (n,) in um for the applied voltage ``u_V`` (n,) at the uniform, absolute times ``t_s`` (n,).
 
     The effects adopted in ``axis`` and those of ``extra`` act together. From rest at 0 V, or from the plays
-    ``start`` (one per play, V) as a continuation that stood at ``u_V[0]`` and, where that is known, had last turned
-    round at ``turned_V``. ``others_um`` are the displacements of the other axes from rest. With ``rng``, noise-like
-    effects are drawn. Raises BadInput without a time view.
+    ``start`` (one per play, V) as a continuation that stood at ``u_V[0]`` and, where that is known, had turned round at
+    ``turned_V`` (the last one last) since it left rest at 0 V. ``others_um`` are the displacements of the other axes
+    from rest. With ``rng``, noise-like effects are drawn. Raises BadInput without a time view.
     """
     return Chain(axis, t_s, u_V, others_um=others_um, start=start, turned_V=turned_V, remember=0).run(extra, rng=rng)
 
@@ -72,7 +72,7 @@ class Chain:
         *,
         others_um: Mapping[str, Samples] | None = None,
         start: ArrayLike | None = None,
-        turned_V: float | None = None,
+        turned_V: Sequence[float] | None = None,
         remember: int = 8,
     ) -> None:
         if axis.time is None:

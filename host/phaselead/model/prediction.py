@@ -74,7 +74,7 @@ def _chain(stage: Stage, recording: Recording, axis: str, stood: bool) -> Chain:
     assert u is not None
     if not stood:
         return Chain(stage.axis(axis), recording.t_s, u)
-    return Chain(stage.axis(axis), recording.t_s, u, start=plays_after(view, float(u[0])), turned_V=0.0)
+    return Chain(stage.axis(axis), recording.t_s, u, start=plays_after(view, float(u[0])), turned_V=())
 
 
 def _seen(stage: Stage, axis: str, others: Iterable[str]) -> list[Entry]:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize
 
 from phaselead.identify.modal.shown_modes import measured_response, modes_shown
-from phaselead.identify.operator import OperatorFit, fit_linear, fit_operator, place_operator
+from phaselead.identify.operator import OperatorFit, Turns, fit_linear, fit_operator, place_operator
 from phaselead.identify.runs import STILL_V, AxisRun
 from phaselead.model import (
     AdoptedEffect,
@@ -163,31 +163,31 @@ def shares_left(operator: OperatorFit, modes: tuple[Mode, ...], runs: Sequence[A
     """What operator and modes leave of each run, rms about its mean in its own range."""
     left = []
     beside = [*operator.beside_view(), *([effect_of_modes(modes)] if modes else [])]
-    for run, came_from_V in zip(runs, _memories_of(operator), strict=True):
-        start = _plays_V(operator.view, came_from_V, run)
+    for run, turned_V in zip(runs, _memories_of(operator), strict=True):
+        start = _plays_V(operator.view, turned_V, run)
         axis = AxisModel(time=operator.view)
-        answer = simulate(axis, run.t_s, run.u_V, extra=beside, start=start, turned_V=came_from_V)
+        answer = simulate(axis, run.t_s, run.u_V, extra=beside, start=start, turned_V=turned_V)
         left.append(float(np.std((run.x_um - answer)[run.scored])) / run.range_um)
     return left
 
 
-def _memories_of(operator: OperatorFit) -> list[float | None]:
-    """Of each of its records, the voltage at which the stage last turned round before it; None where nothing tells."""
-    return [record.came_from_V for record in operator.records]
+def _memories_of(operator: OperatorFit) -> list[Turns | None]:
+    """Of each of its records, the voltages at which the stage turned round before it; None where nothing tells."""
+    return [record.turned_V for record in operator.records]
 
 
-def _answer(view: TimeView, beside: Sequence[Entry], run: AxisRun, came_from_V: float | None) -> Samples:
+def _answer(view: TimeView, beside: Sequence[Entry], run: AxisRun, turned_V: Turns | None) -> Samples:
     """The operator's (n,), from the memory that the fit found for this record."""
-    start = _plays_V(view, came_from_V, run)
-    return simulate(AxisModel(time=view), run.t_s, run.u_V, extra=beside, start=start, turned_V=came_from_V)
+    start = _plays_V(view, turned_V, run)
+    return simulate(AxisModel(time=view), run.t_s, run.u_V, extra=beside, start=start, turned_V=turned_V)
 
 
-def _plays_V(view: TimeView, came_from_V: float | None, run: AxisRun) -> Samples | None:
+def _plays_V(view: TimeView, turned_V: Turns | None, run: AxisRun) -> Samples | None:
     """Where the plays (m,) stand in the first row of a record. Where nothing tells from where it came it was from rest:
     None at 0 V; elsewhere the stage stood there when the record began, and no mode rings of the way."""
     first_V = float(run.u_V[0])
-    if came_from_V is not None:
-        return plays_after(view, came_from_V)
+    if turned_V is not None:
+        return plays_after(view, *turned_V)
     return plays_after(view, first_V) if abs(first_V) > STILL_V else None
 
 
@@ -235,16 +235,16 @@ class _Ringing:
 def find_modes(
     view: TimeView,
     runs: Sequence[AxisRun],
-    memories: Sequence[float | None] | None = None,
+    memories: Sequence[Turns | None] | None = None,
     beside: Sequence[Entry] = (),
 ) -> FittedModes | None:
     """The modes that explain most of what ``view`` leaves, or None: records too slow, or none pays.
 
-    ``memories``: the voltage at which the stage last turned round before each record, None for rest. ``beside``: what
+    ``memories``: the voltages at which the stage turned round before each record, None for rest. ``beside``: what
     belongs to the operator and ``view`` does not hold.
     """
     of_runs = zip(runs, memories or [None] * len(runs), strict=True)
-    fast = [(run, came_from_V) for run, came_from_V in of_runs if run.step_s <= 1 / SLOWEST_RATE_HZ]
+    fast = [(run, turned_V) for run, turned_V in of_runs if run.step_s <= 1 / SLOWEST_RATE_HZ]
     if len(fast) < 2:
         return None
     fast.sort(key=lambda one: len(one[0].t_s))  # fast sines ring most, and are short
@@ -278,8 +278,8 @@ def _second_rings(judged: Sequence[_Ringing], fitted: Sequence[_Ringing], one: P
     return by_two < SECOND_PAYS * _squares_left(fine, one, _amounts(fitted, one))
 
 
-def _ringing(view: TimeView, beside: Sequence[Entry], run: AxisRun, came_from_V: float | None) -> _Ringing:
-    base = _answer(view, beside, run, came_from_V)
+def _ringing(view: TimeView, beside: Sequence[Entry], run: AxisRun, turned_V: Turns | None) -> _Ringing:
+    base = _answer(view, beside, run, turned_V)
     return _Ringing(base / run.range_um, (run.x_um - base) / run.range_um, run.step_s, run.scored)
 
 

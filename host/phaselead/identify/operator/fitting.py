@@ -22,6 +22,7 @@ from phaselead.identify.operator.regressors import (
     FEWEST_ROWS,
     Basis,
     FitRun,
+    Turns,
     nested_basis,
     ringing_s,
     rows_to_fit,
@@ -42,7 +43,13 @@ from phaselead.identify.operator.solution import (
     centred,
     moments,
 )
-from phaselead.identify.operator.starting_memories import OTHER_MEMORY, settled_of, told_memories, with_memories
+from phaselead.identify.operator.starting_memories import (
+    LIKELY_MEMORY,
+    OTHER_MEMORY,
+    settled_of,
+    told_memories,
+    with_memories,
+)
 from phaselead.identify.runs import AxisRun, longest_delay_s, period_s
 from phaselead.model import LONGEST_DELAY_S, PLAYS, PLAYS_ALIKE, Mode
 from phaselead.record import Samples
@@ -63,9 +70,6 @@ FIRST_DELAY = 0.02
 """Of the longest delay: where the search starts."""
 SHORTER_DELAY = 1.05
 """On records of one frequency a delay looks like more play: the shortest is taken that costs at most this factor."""
-OFFSETS_DIFFER = 0.01
-"""Of the range: when the median record is further off, every one gets an offset of its own; when a few are, so they do
-if that explains what no starting memory does."""
 MEMORY_TURNS = 4
 """How often memories are told by the operator that went with those of before."""
 REST_MATTERS = 1.001
@@ -99,6 +103,10 @@ class _Records:
     def behind_a_lag(self, lag_s: float) -> _Records:
         """The same with a low-pass of this time constant in front of the operator."""
         return replace(self, fits=[replace(f, lag_s=lag_s) for f in self.fits])
+
+    def settled(self) -> _Records:
+        """The rows that remember nothing of what was before their record but an offset, which each then has."""
+        return replace(self, fits=settled_of(self.fits), own_offsets=True)
 
     @cached_property
     def longest_delay_s(self) -> float:
@@ -155,23 +163,20 @@ def fit_operator(runs: Sequence[AxisRun], modes: tuple[Mode, ...] = (), lag_s: f
 
 def _with_memories(records: _Records, modes: tuple[Mode, ...]) -> tuple[_Records, Solution, list[str]]:
     """The records with the memories and offsets that explain them best, the operator then, and what to say of them."""
-    apart = replace(records, own_offsets=True)
-    message = "the records differ in offset by more than 1 % of their range: each has its own"
     first = _of_settled_rows(records, modes)
-    if float(np.median(_offsets(settled_of(records.fits), first))) > OFFSETS_DIFFER:
-        records, found, said = _told_apart(apart, first)
-        return records, found, [message, *said]
     common = _told_apart(records, first)
-    if max(_offsets(common[0].fits, common[1])) > OFFSETS_DIFFER:  # a memory may explain it, or another session
-        records, found, said = _told_apart(apart, _of_settled_rows(apart, modes))
-        if found.error**2 < OTHER_MEMORY * common[1].error ** 2:
-            return records, found, [message, *said]
-    return common
+    told, found, _ = common
+    free = replace(told, own_offsets=True).at(found.basis, found.delay_s, found.rest_fraction, found.modes)
+    if not free.error**2 < OTHER_MEMORY * found.error**2:
+        return common
+    apart, found, said = _told_apart(replace(records, own_offsets=True), first)
+    offsets_um = [float(found.residual(f).mean()) for f in apart.fits]
+    return apart, found, [f"the records differ in offset by {np.ptp(offsets_um):.3g} um: each has its own", *said]
 
 
 def _of_settled_rows(records: _Records, modes: tuple[Mode, ...]) -> Solution:
     """The operator of the rows that remember nothing of what was before their record but an offset."""
-    late = replace(records, fits=settled_of(records.fits))
+    late = records.settled()
     return late.searched(late.basis(*SEARCH), _first_delay_s(late), 0.0, modes)
 
 
@@ -181,20 +186,22 @@ def _told_apart(records: _Records, first: Solution) -> tuple[_Records, Solution,
     Memories are told by an operator and the operator goes with the memories: what a wrong one made of a record is told
     anew by the operator that the others led to.
     """
-    late = replace(records, fits=settled_of(records.fits))
+    late = records.settled()
     basis, _ = _choose_basis(late, first)
-    best = at_rest = records, records.searched(basis, first.delay_s, 0.0, first.modes), []
-    told: list[list[float | None]] = []
-    for found in (late.at(basis, first.delay_s, first.rest_fraction, first.modes), at_rest[1]):
-        for _ in range(MEMORY_TURNS):
-            moved, said = with_memories(records.fits, found.residual, own_offsets=records.own_offsets)
-            memories = [f.came_from_V for f in moved]
+    at_rest = records.searched(basis, first.delay_s, 0.0, first.modes)
+    best: tuple[_Records, Solution, list[str]] = records, at_rest, []
+    told: list[list[Turns | None]] = []
+    for found in (late.at(basis, first.delay_s, first.rest_fraction, first.modes), at_rest):
+        for turn in range(MEMORY_TURNS):
+            share, own_offsets = (OTHER_MEMORY, records.own_offsets) if turn else (LIKELY_MEMORY, True)
+            moved, said = with_memories(records.fits, found, share, own_offsets)
+            memories = [f.turned_V for f in moved]
             if not said or memories in told:
                 break
             told.append(memories)
             elsewhere = replace(records, fits=moved)
             found = elsewhere.searched(basis, first.delay_s, first.rest_fraction, first.modes)
-            if found.error < best[1].error and _tell_better(elsewhere, found, at_rest[1]):
+            if found.error < best[1].error and _tell_better(elsewhere, found, at_rest):
                 best = elsewhere, found, said
     return best
 
@@ -202,8 +209,8 @@ def _told_apart(records: _Records, first: Solution) -> tuple[_Records, Solution,
 def _tell_better(elsewhere: _Records, found: Solution, at_rest: Solution) -> bool:
     """Whether the memories leave clearly less of the records that have one than if all had come from rest."""
     own = elsewhere.own_offsets
-    moved = [fit for fit in elsewhere.fits if fit.came_from_V is not None]
-    gains = [_square(found, f, own) / _square(at_rest, replace(f, came_from_V=None), own) for f in moved]
+    moved = [fit for fit in elsewhere.fits if fit.turned_V is not None]
+    gains = [_square(found, f, own) / _square(at_rest, replace(f, turned_V=None), own) for f in moved]
     return float(np.exp(np.mean(np.log(gains)))) < OTHER_MEMORY
 
 
@@ -294,7 +301,7 @@ def place_operator(runs: Sequence[AxisRun], known: OperatorFit, modes: tuple[Mod
     """
     if _one_frequency(runs):
         return known
-    memories = [record.came_from_V for record in known.records]
+    memories = [record.turned_V for record in known.records]
     records = _Records(
         runs, _thinned(runs, SEARCH_ROWS, ringing_s=ringing_s(modes), memories=memories), known.own_offsets
     )
@@ -324,18 +331,22 @@ def place_operator(runs: Sequence[AxisRun], known: OperatorFit, modes: tuple[Mod
 def _told_behind_modes(
     records: _Records, found: Solution, known: OperatorFit
 ) -> tuple[_Records, Solution, Sequence[str]]:
-    """The memories that the ringing of fast records hid from a fit without modes, and what to say of all of them.
+    """The memories told anew, since the ringing of fast records hid them from a fit without modes, and what to say of
+    all of them.
 
     Where rows before those that count have settled a record there is no more to tell.
     """
-    told = [i for i, f in enumerate(records.fits) if f.came_from_V is not None or f.run.scored.start]
-    fits, said = with_memories(records.fits, found.residual, own_offsets=records.own_offsets, known=told)
-    if not found.modes or told_memories(records.fits) == said:
-        return records, found, known.messages
-    others = [line for line in known.messages if line not in told_memories(records.fits)]
-    moved = replace(records, fits=fits)
+    before, said = told_memories(records.fits), told_memories(records.fits)
+    warmed = [i for i, f in enumerate(records.fits) if f.run.scored.start]
     rest, whole = _known_rest(found.rest_fraction), len(found.modes) == 1
-    return moved, moved.searched(found.basis, found.delay_s, rest, found.modes, whole=whole), [*others, *said]
+    for turn in range(MEMORY_TURNS if found.modes else 0):
+        share = OTHER_MEMORY if turn else LIKELY_MEMORY
+        fits, said = with_memories(records.fits, found, share, records.own_offsets, known=warmed)
+        if [f.turned_V for f in fits] == [f.turned_V for f in records.fits]:
+            break
+        records = replace(records, fits=fits)
+        found = records.searched(found.basis, found.delay_s, rest, found.modes, whole=whole)
+    return records, found, [*(line for line in known.messages if line not in before), *said]
 
 
 def fit_linear(runs: Sequence[AxisRun], modes: tuple[Mode, ...] = (), lag_s: float | None = None) -> OperatorFit:
@@ -358,12 +369,12 @@ def _thinned(
     most_rows: int,
     *,
     ringing_s: float = 0.0,
-    memories: Sequence[float | None] | None = None,
+    memories: Sequence[Turns | None] | None = None,
 ) -> list[FitRun]:
     each = max(FEWEST_ROWS, most_rows // len(runs))
     blocks = 1 if len(runs) >= FOLD_BLOCKS else -(-FOLD_BLOCKS // len(runs))
     fits = [rows_to_fit(run, each, i * blocks, blocks, ringing_s=ringing_s) for i, run in enumerate(runs)]
-    return fits if memories is None else [replace(f, came_from_V=v) for f, v in zip(fits, memories, strict=True)]
+    return fits if memories is None else [replace(f, turned_V=v) for f, v in zip(fits, memories, strict=True)]
 
 
 def _rest_matters(records: _Records, basis: Basis, found: Solution) -> bool:
@@ -390,11 +401,6 @@ def _shortest_delay_s(records: _Records, basis: Basis, delay_s: float, rest: flo
         else:
             high = middle
     return high
-
-
-def _offsets(fits: list[FitRun], solution: Solution) -> list[float]:
-    """How far each record sits from the common offset, as a share of its range."""
-    return [abs(float(solution.residual(f).mean())) / f.run.range_um for f in fits]
 
 
 def _choose_basis(records: _Records, found: Solution) -> tuple[Basis, tuple[Choice, ...]]:
@@ -430,7 +436,7 @@ def _of_all_rows(
     records: _Records, found: Solution, modes: tuple[Mode, ...], choices: Sequence[Choice], messages: Sequence[str]
 ) -> OperatorFit:
     """The result where a search on fewer rows ended that began with these ``modes``."""
-    memories = [f.came_from_V for f in records.fits]
+    memories = [f.turned_V for f in records.fits]
     fits = _thinned(records.runs, MOST_ROWS, ringing_s=ringing_s(modes), memories=memories)
     full = replace(records, fits=fits).behind_a_lag(records.fits[0].lag_s)
     best = full.at(found.basis, found.delay_s, found.rest_fraction, found.modes)

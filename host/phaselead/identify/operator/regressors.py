@@ -196,6 +196,10 @@ def nested_basis(
     return Basis(play_thresholds(swing_V, n_plays), np.linspace(low_V, high_V, n_segments + 1), fading_r_V)
 
 
+Turns = tuple[float, ...]
+"""Voltages at which a stage turned round after it left rest at 0 V, the last one last; () went straight."""
+
+
 @dataclass(frozen=True)
 class FitRun:
     """One run as the fit sees it: the rows that count, and the group of each for leaving out."""
@@ -205,8 +209,8 @@ class FitRun:
     groups: NDArray[np.intp]
     weight: float
     """Of a row's square; the weights of a run sum to 1 / range^2, so that small records count as much as large ones."""
-    came_from_V: float | None = None
-    """Memory at the start: None is from rest, else the voltage at which the stage last turned round."""
+    turned_V: Turns | None = None
+    """Memory at the start: None is from rest, by a step in the first row; else it stood there, after these turns."""
     lag_s: float = 0.0
     """Time constant of a low-pass in front of the operator."""
 
@@ -216,7 +220,7 @@ class FitRun:
 
     @cached_property
     def _before_V(self) -> float:
-        return 0.0 if self.came_from_V is None else float(self.run.u_V[0])
+        return 0.0 if self.turned_V is None else float(self.run.u_V[0])
 
     @cached_property
     def _record(self) -> RecordInC:
@@ -263,9 +267,10 @@ class FitRun:
 
     def _start(self, basis: Basis, rest_fraction: float) -> Start:
         plays_V, fading = rest_fraction * basis.play_r_V, np.full(len(basis.fading_r_V), -rest_fraction)
-        if self.came_from_V is not None:
-            plays_V = np.clip(plays_V, self.came_from_V - basis.play_r_V, self.came_from_V + basis.play_r_V)
-            fading = state_after([0.0, self.came_from_V, self._before_V], basis.fading_r_V, fading)
+        if self.turned_V is not None:
+            for turn_V in self.turned_V:
+                plays_V = np.clip(plays_V, turn_V - basis.play_r_V, turn_V + basis.play_r_V)
+            fading = state_after([0.0, *self.turned_V, self._before_V], basis.fading_r_V, fading)
         return Start(plays_V, fading)
 
     @cached_property

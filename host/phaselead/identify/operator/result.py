@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from phaselead.identify.operator.regressors import FitRun, with_weight
+from phaselead.identify.operator.regressors import FitRun, Turns, with_weight
 from phaselead.identify.operator.solution import Solution, lag_column, linearised
 from phaselead.model import AxisModel, Entry, Mode, TimeView, effect_of_fading, effect_of_lag, turned_view
 from phaselead.record import Samples
@@ -42,7 +42,7 @@ class RecordResidual:
     mean_um: float
     """With its sign: the record's own offset against the fitted one."""
     range_um: float
-    came_from_V: float | None
+    turned_V: Turns | None
     """Where the voltage last turned round before the record; None: it starts from rest."""
 
     @staticmethod
@@ -51,7 +51,7 @@ class RecordResidual:
         mean = float(residual.mean())
         left = residual - mean if own_offset else residual
         rms, largest = float(np.sqrt(np.mean(left**2))), float(np.abs(left).max())
-        return RecordResidual(fit.run.source, rms, largest, mean, fit.run.range_um, fit.came_from_V)
+        return RecordResidual(fit.run.source, rms, largest, mean, fit.run.range_um, fit.turned_V)
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ weighted sums over rows, the moments.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from itertools import product
 
@@ -17,7 +17,7 @@ from scipy.optimize import nnls
 
 from phaselead.errors import BadInput
 from phaselead.identify.gauss_newton import descend, least_in_box, ridged
-from phaselead.identify.operator.regressors import Basis, FitRun, design_matrix, time_view
+from phaselead.identify.operator.regressors import Basis, FitRun, Turns, design_matrix, time_view
 from phaselead.model import Mode, TimeView, behind_modes, resonant
 from phaselead.record import Samples
 
@@ -78,6 +78,20 @@ class Solution:
         """Measured minus model (rows,) in um."""
         columns = design_matrix(fit, self.basis, self.delay_s, self.rest_fraction, self.modes)
         return np.asarray(fit.position() - self.at_rest_um - columns @ self.slopes)
+
+    def residuals_of(self, fit: FitRun) -> Callable[[Turns], Samples]:
+        """Measured minus model (rows,) in um of a record, for where it may have turned round before it.
+
+        Another start moves the plays slowly, with the voltage: the modes have little part in the difference, and it is
+        worked out without them, which is quicker by far.
+        """
+        stood = replace(fit, turned_V=())
+        stood_um, left_um = self._still_um(stood), self.residual(stood)
+        return lambda turned_V: left_um - (self._still_um(replace(fit, turned_V=turned_V)) - stood_um)
+
+    def _still_um(self, fit: FitRun) -> Samples:
+        """(rows,): how far the operator goes without its modes, from rest."""
+        return np.asarray(design_matrix(fit, self.basis, self.delay_s, self.rest_fraction) @ self.slopes)
 
     def fading(self) -> tuple[Samples, Samples]:
         """Thresholds in V and weights in um/V, each (m,), of the fading plays that have weight."""

@@ -7,20 +7,28 @@ are told apart afterwards, by the rows before.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import replace
+from functools import cache
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import minimize_scalar
 
-from phaselead.identify.operator.regressors import FitRun
+from phaselead.identify.operator.regressors import FitRun, Turns
 from phaselead.record import Samples
 
-OTHER_MEMORY, OTHER_BY_VARIANCE = 0.6, 0.8
-"""A record starts from another memory than rest when that leaves less than the first share of its squared residual or,
-where its offset says nothing of the memory, less than the second of the variance."""
-ALIKE_STARTS = 1.1
-"""Starts whose squared residuals are within this factor are not told apart."""
+OTHER_MEMORY, LIKELY_MEMORY = 0.6, 0.8
+"""A record starts from another memory than rest when that leaves less than the first share of its squared residual. An
+operator that was fitted to rest hides that: below the second the memory is tried, and the operator that goes with it
+tells."""
+ALIKE = 0.99
+"""Of a squared residual: a turn is moved off its grid where that leaves less than this."""
+PRECISE = 0.02
+"""Of the way between two points of the grid: how finely the best turn is searched."""
+FEW_WAYS = 10
+"""So many ways before a record are made longer, the best ones."""
 DRIFT = 0.01
 """Of the range: offsets up to this are creep or drift."""
 END_SHARE = 0.01
@@ -29,31 +37,99 @@ ENOUGH_ROWS = 1 / 3
 """Of the rows: where no record has so many settled ones, all are used whole."""
 FEWEST_SETTLED = 20
 """Rows that tell the offset of a record at least."""
+MOST_TURNS = 4
+"""Before a record: a loop through both ends, and a way to where the record begins that turns round once more or
+twice."""
 NAMED_RECORDS = 3
 """How many records a message names."""
 
 
 def starting_memory(
-    squares: Callable[[float | None], float],
-    turning_points_V: Iterable[float],
-    share: float = OTHER_BY_VARIANCE,
-    alike: float | None = None,
-) -> float | None:
+    squares: Callable[[Turns | None], float], turning_points_V: Iterable[float], share: float = LIKELY_MEMORY
+) -> Turns | None:
     """The voltage at which the stage last turned round before a record, or None when it starts from rest.
 
-    ``squares`` gives the squared residual of the record for a turning point in V, and for None from rest. A turning
-    point is believed when it leaves less than ``share`` of what rest leaves. The one that leaves least is taken; with
-    ``alike``, of those within that factor of the least the nearest to 0 V: turning points further out only move what
-    the record never shows.
+    ``squares`` gives the squared residual of the record for turning points in V, and for None from rest. The turning
+    point that leaves least is believed when it leaves less than ``share`` of what rest leaves.
     """
-    points = list(turning_points_V)
-    found = [squares(volt) for volt in points]
-    least = min(found, default=np.inf)
-    if not least < share * squares(None):
-        return None
-    if alike is None:
-        return points[found.index(least)]
-    return min((p for p, square in zip(points, found, strict=True) if square <= alike * least), key=abs)
+    best = min(((volt,) for volt in turning_points_V), key=squares, default=None)
+    return best if best is not None and squares(best) < share * squares(None) else None
+
+
+def way_before(
+    squares: Callable[[Turns | None], float],
+    turning_points_V: Sequence[float],
+    first_V: float,
+    share: float,
+    about: Callable[[Turns], float] | None = None,
+) -> Turns | None:
+    """The voltages at which the stage turned round before a record that begins at ``first_V``, or None from rest.
+
+    As ``starting_memory``, with up to ``MOST_TURNS`` of them: each is believed when it leaves less than ``share`` of
+    what is left without it. One more is tried beside the best few of each number, since of a loop and the way back
+    neither explains much alone. ``about`` is a quicker way to about the same squares, to look for the best by.
+    """
+    found, left = None, squares(None)
+    about, points_V = about or squares, _finer_near(first_V, turning_points_V)
+    few: list[Turns] = [()]
+    for count in range(1, MOST_TURNS + 1):
+        longer = {more for turns in few for more in _with_another(turns, points_V, first_V)}
+        few = sorted(longer, key=lambda turns: (about(turns), *map(abs, turns)))[:FEW_WAYS]
+        if not few:
+            break
+        best = _polished(about, few[0], points_V, first_V)
+        gained = squares(best) < left * share ** (count - len(found or ()))
+        if gained:
+            found, left = best, squares(best)
+        elif count > 1:
+            break
+    return found
+
+
+def _finer_near(first_V: float, points_V: Sequence[float]) -> list[float]:
+    """The points, and one halfway from the voltage to the next on either side: the last turns are close to it."""
+    above = min((volt for volt in points_V if volt > first_V), default=first_V)
+    below = max((volt for volt in points_V if volt < first_V), default=first_V)
+    return sorted({*points_V, (first_V + above) / 2, (first_V + below) / 2})
+
+
+def _with_another(turns: Turns, points_V: Sequence[float], first_V: float) -> Iterator[Turns]:
+    """These turns with one of the points among them, where all are still remembered at ``first_V``."""
+    for at in range(len(turns) + 1):
+        for volt in points_V:
+            more = (*turns[:at], volt, *turns[at:])
+            if _remembered(more, first_V):
+                yield more
+
+
+def _remembered(turns: Turns, first_V: float) -> bool:
+    """Whether none of these turns has wiped out another: they close in on the voltage, from one side and the other."""
+    ways = np.diff([*turns, first_V])
+    return bool((ways != 0).all() and (ways[1:] * ways[:-1] < 0).all() and (np.diff(np.abs(ways)) < 0).all())
+
+
+def _polished(squares: Callable[[Turns], float], turns: Turns, points_V: Sequence[float], first_V: float) -> Turns:
+    """The turns moved between the points next to them to where they leave least, one after the other."""
+    for at in range(len(turns)):
+        moved = _moved(squares, turns, at, points_V)
+        if squares(moved) < ALIKE * squares(turns) and _remembered(moved, first_V):
+            turns = moved
+    return turns
+
+
+def _moved(squares: Callable[[Turns], float], turns: Turns, at: int, points_V: Sequence[float]) -> Turns:
+    """The turns with the one in place ``at`` where it leaves least between the points next to it."""
+
+    def with_turn(volt: float) -> Turns:
+        return (*turns[:at], float(volt), *turns[at + 1 :])
+
+    low = max((volt for volt in points_V if volt < turns[at]), default=turns[at])
+    high = min((volt for volt in points_V if volt > turns[at]), default=turns[at])
+    options = {"xatol": PRECISE * (high - low)}
+    found = minimize_scalar(
+        lambda volt: squares(with_turn(volt)), bounds=(low, high), method="bounded", options=options
+    )
+    return with_turn(found.x)
 
 
 def settled_of(fits: Sequence[FitRun]) -> list[FitRun]:
@@ -82,41 +158,65 @@ def _of_rows(fit: FitRun, keep: NDArray[np.bool_]) -> FitRun:
     return replace(fit, rows=fit.rows[keep], groups=fit.groups[keep])
 
 
-def with_memories(
-    fits: Sequence[FitRun], residual: Callable[[FitRun], Samples], own_offsets: bool, known: Collection[int] = ()
-) -> tuple[list[FitRun], list[str]]:
-    """The records, each from the memory it clearly starts from, and a message that names those not from rest.
+class Leaves(Protocol):
+    """What a fitted operator leaves of a record (rows,) in um."""
 
-    ``residual`` is what the fitted slopes leave of a record (rows,) in um. Its mean tells of the memory only beyond
-    what creep and drift make, and not at all with ``own_offsets``. A single record defines what rest is. Those with the
-    numbers ``known`` stay as they are.
+    def residual(self, fit: FitRun) -> Samples:
+        """From the memory that the record has."""
+
+    def residuals_of(self, fit: FitRun) -> Callable[[Turns], Samples]:
+        """About the same for any turns before it, quickly."""
+
+
+def with_memories(
+    fits: Sequence[FitRun],
+    operator: Leaves,
+    share: float,
+    own_offsets: bool,
+    known: Collection[int] = (),
+) -> tuple[list[FitRun], list[str]]:
+    """The records, each from the memory it starts from, and a message that names those not from rest: where one leaves
+    less than ``share`` of what rest leaves.
+
+    The mean of what the ``operator`` leaves of a record tells of the memory only beyond what creep and drift make, and
+    not at all with ``own_offsets``. A single record defines what rest is. Those with the numbers ``known`` stay as they
+    are.
     """
     if len(fits) < 2:
         return list(fits), []
-    turning_points_V = _turning_points_V(fits)
-    found = []
-    for i, fit in enumerate(fits):
-        if i in known:
-            found.append(fit)
-            continue
-
-        def squares(came_from_V: float | None, fit: FitRun = fit) -> float:
-            e = residual(replace(fit, came_from_V=came_from_V))
-            beyond = 0.0 if own_offsets else max(abs(float(e.mean())) - DRIFT * fit.run.range_um, 0.0)
-            return float(np.var(e)) + beyond**2
-
-        came_from_V = starting_memory(squares, turning_points_V, OTHER_MEMORY, ALIKE_STARTS)
-        found.append(fit if came_from_V is None else replace(fit, came_from_V=came_from_V))
+    points_V = _turning_points_V(fits)
+    found = [fit if i in known else _with_memory(fit, operator, points_V, share, own_offsets)
+             for i, fit in enumerate(fits)]  # fmt: skip
     return found, told_memories(found)
+
+
+def _with_memory(fit: FitRun, operator: Leaves, points_V: Sequence[float], share: float, own_offset: bool) -> FitRun:
+    quick = operator.residuals_of(fit)
+
+    def squares(left_um: Samples) -> float:
+        beyond = 0.0 if own_offset else max(abs(float(left_um.mean())) - DRIFT * fit.run.range_um, 0.0)
+        return float(np.var(left_um)) + beyond**2
+
+    @cache
+    def surely(turned_V: Turns | None) -> float:
+        return squares(operator.residual(replace(fit, turned_V=turned_V)))
+
+    @cache
+    def about(turned_V: Turns) -> float:
+        return squares(quick(turned_V))
+
+    turned_V = way_before(surely, points_V, float(fit.run.u_V[0]), share, about)
+    return replace(fit, turned_V=turned_V)
 
 
 def told_memories(fits: Sequence[FitRun]) -> list[str]:
     """What is said of where these records start."""
-    return _message([_named(fit) for fit in fits if fit.came_from_V is not None], len(fits))
+    return _message([_named(fit) for fit in fits if fit.turned_V is not None], len(fits))
 
 
 def _named(fit: FitRun) -> str:
-    return f"{fit.run.source} (from {fit.came_from_V:.3g} V)"
+    turns = [f"{volt:.3g} V" for volt in fit.turned_V or ()]
+    return f"{fit.run.source} (from {' and then '.join(turns)})"
 
 
 def _turning_points_V(fits: Sequence[FitRun]) -> list[float]:

@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from phaselead.identify.operator.regressors import FEWEST_ROWS, FitRun, nested_basis, rows_to_fit
+from phaselead.identify.operator.regressors import FEWEST_ROWS, FitRun, Turns, nested_basis, rows_to_fit
 from phaselead.identify.operator.solution import Solution, best_slopes
 from phaselead.identify.operator.starting_memories import starting_memory
 from phaselead.identify.runs import AxisRun, sensor_counts_backwards, turned
@@ -66,9 +66,9 @@ def _thinned(run: AxisRun, most_rows: int, group: int) -> FitRun:
 def _from_its_memory(fit: FitRun, solution: Solution) -> FitRun:
     """The record from rest, or from the turning point that explains it best."""
 
-    def variance(came_from_V: float | None) -> float:
-        return float(np.var(solution.residual(replace(fit, came_from_V=came_from_V))))
+    def variance(turned_V: Turns | None) -> float:
+        return float(np.var(solution.residual(replace(fit, turned_V=turned_V))))
 
     low, *_, high = solution.basis.knots_V.tolist()
-    came_from_V = starting_memory(variance, np.linspace(low, high, PLAY_TURNING_POINTS).tolist())
-    return replace(fit, came_from_V=came_from_V)
+    turned_V = starting_memory(variance, np.linspace(low, high, PLAY_TURNING_POINTS).tolist())
+    return replace(fit, turned_V=turned_V)

@@ -51,13 +51,13 @@ def _range_V(axis: AxisModel) -> float:
 
 
 def start(signal: Signal, r: Samples) -> Samples:
-    """z (m,) in the first row: at rest, after the last turn, or as where the plays of the time view stand there."""
+    """z (m,) in the first row: at rest, after the known turns, or as where the plays of the time view stand there."""
     view = signal.axis.time
     at_rest = np.full(len(r), -(view.rest_fraction if view is not None else 0.0))
     if signal.plays_V is None or view is None:
         return at_rest
     if signal.turned_V is not None:
-        return state_after([0.0, signal.turned_V, float(signal.u_V[0])], r, at_rest)
+        return state_after([0.0, *signal.turned_V, float(signal.u_V[0])], r, at_rest)
     lag_V = float(signal.driven_V[0]) - signal.start_plays_V
     return np.array([state_like_plays(one, view.play_r_V, lag_V) for one in r])
 

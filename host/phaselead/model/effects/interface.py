@@ -77,9 +77,8 @@ class Signal:
     plays_V: Samples | None = None
     """Where the plays of the time view stood in the first row, were the recorded voltage at the material; None at
     rest."""
-    turned_V: float | None = None
-    """Where the recorded voltage last turned round before the first row, if it did not come from rest and that is
-    known."""
+    turned_V: Sequence[float] | None = None
+    """Where the recorded voltage turned round before the first row, after it left rest at 0 V, if that is known."""
     active: Sequence[Entry] = ()
     """All effects of this run."""
     pushes: Mapping[str, Signal] = field(default_factory=dict)
