@@ -34,7 +34,7 @@ def left_out(of_groups: Samples, n_segments: int, folds: list[Samples]) -> float
     total, squares, count = of_groups.sum(axis=0), 0.0, 0
     for fold in folds:
         out = of_groups[fold.astype(bool)].sum(axis=0)
-        slopes, _, _ = solve_slopes((total - out)[None] + _unit_offset(total), n_segments, False)
+        slopes, _, _ = solve_slopes((total - out)[None] + _unit_offset(total), n_segments, 1.0)
         inner, right = out[:-2, :-2], out[:-2, -1]
         squares += max(float(out[-1, -1] - 2 * right @ slopes + slopes @ inner @ slopes), 0.0)
         count += 1

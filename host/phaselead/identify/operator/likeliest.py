@@ -11,17 +11,17 @@ from dataclasses import replace
 import numpy as np
 
 from phaselead.identify.operator.regressors import FitRun
-from phaselead.identify.operator.solution import Solution, moments, solve_slopes
+from phaselead.identify.operator.solution import Solution, moments, of_records, solve_slopes
 
 
-def likeliest_slopes(fits: list[FitRun], found: Solution, own_offsets: bool) -> Solution:
+def likeliest_slopes(fits: list[FitRun], found: Solution, offset_weight: float) -> Solution:
     """The same operator with the likeliest slopes, where the weight of a play has the mean slope as its deviation
     beforehand.
 
     What an operator misses is smooth, so that a record says it once. Plays of a symmetric fit, and how many plays there
     are, are chosen without this.
     """
-    of_all = moments(fits, found.basis, found.delay_s, found.rest_fraction, found.modes)
+    of_all = of_records(fits, moments(fits, found.basis, found.delay_s, found.rest_fraction, found.modes))
     noise = found.error / float(np.sqrt(len(fits)))
-    slopes, at_rest_um, error = solve_slopes(of_all, found.basis.n_segments, own_offsets, noise)
+    slopes, at_rest_um, error = solve_slopes(of_all, found.basis.n_segments, offset_weight, noise)
     return replace(found, slopes=slopes, at_rest_um=at_rest_um, error=error)

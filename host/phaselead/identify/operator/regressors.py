@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache, cached_property
 from itertools import pairwise
 from typing import NamedTuple
@@ -213,6 +213,14 @@ class FitRun:
     """Memory at the start: None is from rest, by a step in the first row; else it stood there, after these turns."""
     lag_s: float = 0.0
     """Time constant of a low-pass in front of the operator."""
+
+    def with_start(self) -> FitRun:
+        """The same with rows from the first that is scored on, as dense as the others: how a record begins tells most
+        of where the stage came from, though it may ring there from before."""
+        first, stride = self.run.scored.indices(len(self.run.u_V))[0], max(1, int(np.median(np.diff(self.rows))))
+        start = np.arange(first, self.rows[0], stride).astype(np.uintp)
+        groups = np.concatenate([np.full(len(start), self.groups[0]), self.groups])
+        return replace(self, rows=np.concatenate([start, self.rows]), groups=groups)
 
     def position(self) -> Samples:
         """Measured (rows,) in um."""

@@ -8,7 +8,7 @@ weighted sums over rows, the moments.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 
@@ -54,6 +54,11 @@ TIGHT = 1e-12
 """Width of the box where a parameter may not move."""
 MODE_STEP = 1e-5
 """Relative, for the slope over a frequency or a damping."""
+DRIFT = 0.01
+"""Of the range: by so much creep and drift move a record among others of its session."""
+DIFFERING = (0.001 / DRIFT) ** 2
+"""The least weight of offsets of one session: what drift makes of them beside the thousandth of the range that an
+operator leaves."""
 LAG_SLOPE_STEP = 0.01
 """Relative, for the slope over a time constant."""
 
@@ -145,18 +150,39 @@ def centred(moments: Samples) -> Samples:
     return np.asarray(moments - ones[..., :, None] * ones[..., None, :] / moments[..., -2, -2, None, None])
 
 
-def solve_slopes(
-    moments: Samples, n_segments: int, own_offsets: bool, noise: float = 0.0
-) -> tuple[Samples, float, float]:
-    """Slopes (k - 2,), position at rest and relative rms error from weighted moments (group, k, k).
+def of_records(fits: list[FitRun], of_groups: Samples) -> Samples:
+    """Moments (record, k, k) of whole records from those of their groups (group, k, k)."""
+    first = np.cumsum([0, *(len(f.stretches) for f in fits[:-1])])
+    return np.asarray(np.add.reduceat(of_groups, first, axis=0))
 
-    Bounded least squares; ``own_offsets`` gives each group its own offset. ``noise``: relative rms error of the
+
+def together(moments: Samples, offset_weight: float) -> Samples:
+    """Moments (k, k) of all records from those of each (record, k, k), where what their offsets differ by counts so
+    much beside the rest: 0 is an offset of its own for each, 1 one for all."""
+    own = centred(moments).sum(axis=0)
+    return np.asarray(own + offset_weight * (centred(moments.sum(axis=0)) - own))
+
+
+def offset_weight(offsets: Sequence[float], shapes: Sequence[float]) -> float:
+    """How much the offsets of records count that differ by these shares of their ranges, where the model leaves
+    ``shapes`` of them about their means: in full where they are no larger than that, and else as the variance that they
+    are seen to have makes it likeliest. Counted in full, what creeps would bend the loop."""
+    seen, left = (float(np.mean(np.square(values))) for values in (offsets, shapes))
+    return min(1.0, max(DIFFERING, left / seen)) if seen > 0 else 1.0
+
+
+def solve_slopes(
+    moments: Samples, n_segments: int, offset_weight: float, noise: float = 0.0
+) -> tuple[Samples, float, float]:
+    """Slopes (k - 2,), position at rest and relative rms error from weighted moments (record, k, k).
+
+    Bounded least squares; ``offset_weight`` as for ``together``. ``noise``: relative rms error of the
     position by which a prior of the weights of plays counts, whose deviation is the mean slope; 0 is without a prior.
     Raises BadInput for moments that determine nothing.
     """
     total = moments.sum(axis=0)
     ones = total[:, -2]
-    total = centred(moments).sum(axis=0) if own_offsets else centred(total)
+    total = together(moments, offset_weight)
     inner, right = total[:-2, :-2], total[:-2, -1]
     size = len(right)
     least = np.zeros(size)
@@ -184,14 +210,15 @@ def best_slopes(
     basis: Basis,
     delay_s: float,
     rest_fraction: float,
-    own_offsets: bool,
+    offset_weight: float,
     modes: tuple[Mode, ...] = (),
 ) -> Solution:
     """The best operator of ``basis`` at a given delay and rest fraction, behind it the ``modes``.
 
     Raises BadInput as ``solve_slopes`` does.
     """
-    solved = solve_slopes(moments(fits, basis, delay_s, rest_fraction, modes), basis.n_segments, own_offsets)
+    each = of_records(fits, moments(fits, basis, delay_s, rest_fraction, modes))
+    solved = solve_slopes(each, basis.n_segments, offset_weight)
     return Solution(basis, delay_s, rest_fraction, *solved, modes)
 
 
@@ -199,7 +226,7 @@ def best_operator(
     fits: list[FitRun],
     basis: Basis,
     longest_delay_s: float,
-    own_offsets: bool,
+    offset_weight: float,
     start: tuple[float, float],
     modes: tuple[Mode, ...] = (),
     *,
@@ -212,17 +239,17 @@ def best_operator(
     """
 
     def at(delay_s: float, rest_fraction: float, modes: tuple[Mode, ...]) -> Solution:
-        return best_slopes(fits, basis, delay_s, rest_fraction, own_offsets, modes)
+        return best_slopes(fits, basis, delay_s, rest_fraction, offset_weight, modes)
 
     def trials(point: Solution) -> Iterator[Solution]:
         if point.error < EXACT:
             return
-        move = _gauss_newton_step(fits, point, longest_delay_s, own_offsets, whole)
+        move = _gauss_newton_step(fits, point, longest_delay_s, offset_weight, whole)
         for share in STEP_SHARES:
             delay_s = max(point.delay_s + share * move[0], 0.0)
             yield at(delay_s, point.rest_fraction + share * move[1], _moved(point.modes, share * move[2:]))
 
-    first = at(*_first_guess(fits, basis, longest_delay_s, own_offsets, start, modes), modes)
+    first = at(*_first_guess(fits, basis, longest_delay_s, offset_weight, start, modes), modes)
     return descend(first, trials, lambda point: point.error, MOST_OPERATOR_STEPS, least_gain=LEAST_ERROR_GAIN)
 
 
@@ -230,7 +257,7 @@ def _first_guess(
     fits: list[FitRun],
     basis: Basis,
     longest_delay_s: float,
-    own_offsets: bool,
+    offset_weight: float,
     start: tuple[float, float],
     modes: tuple[Mode, ...],
 ) -> tuple[float, float]:
@@ -239,7 +266,7 @@ def _first_guess(
         return start
     few = [replace(f, rows=f.rows[::GUESS_STRIDE], groups=f.groups[::GUESS_STRIDE]) for f in fits]
     grid = [(longest_delay_s * share, rest) for share, rest in product(GUESSED_DELAYS, GUESSED_RESTS)]
-    return min([start, *grid], key=lambda at: best_slopes(few, basis, at[0], at[1], own_offsets, modes).error)
+    return min([start, *grid], key=lambda at: best_slopes(few, basis, at[0], at[1], offset_weight, modes).error)
 
 
 def _moved(modes: tuple[Mode, ...], change: Samples) -> tuple[Mode, ...]:
@@ -263,15 +290,15 @@ def _reach(modes: tuple[Mode, ...], highest_Hz: float, whole: bool) -> tuple[Sam
 
 
 def _gauss_newton_step(
-    fits: list[FitRun], point: Solution, longest_delay_s: float, own_offsets: bool, whole: bool
+    fits: list[FitRun], point: Solution, longest_delay_s: float, offset_weight: float, whole: bool
 ) -> Samples:
     """Change of delay, rest fraction and modes (2 + 3m,) for the least error of the linearised model, inside their
     bounds."""
     step_s = DELAY_STEP * min(f.run.step_s for f in fits)
     searched = 2 + 3 * len(point.modes)
     size = int(np.count_nonzero(point.slopes > 0)) + searched + 2
-    each = moments_of(fits, (linearised(f, point, step_s) for f in fits), size)
-    total = centred(each).sum(axis=0) if own_offsets else centred(each.sum(axis=0))
+    each = of_records(fits, moments_of(fits, (linearised(f, point, step_s) for f in fits), size))
+    total = together(each, offset_weight)
     n = size - searched - 2
     unit = np.ones(searched + 2)
     unit[0] = longest_delay_s

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
 from phaselead.identify.operator.regressors import FitRun, Turns
+from phaselead.identify.operator.solution import DRIFT
 from phaselead.record import Samples
 
 OTHER_MEMORY, LIKELY_MEMORY = 0.6, 0.8
@@ -29,8 +30,6 @@ PRECISE = 0.02
 """Of the way between two points of the grid: how finely the best turn is searched."""
 FEW_WAYS = 10
 """So many ways before a record are made longer, the best ones."""
-DRIFT = 0.01
-"""Of the range: offsets up to this are creep or drift."""
 END_SHARE = 0.01
 """Of the span: this close to the end of its voltage a record has been there."""
 ENOUGH_ROWS = 1 / 3
@@ -63,13 +62,16 @@ def way_before(
     share: float,
     about: Callable[[Turns], float] | None = None,
 ) -> Turns | None:
-    """The voltages at which the stage turned round before a record that begins at ``first_V``, or None from rest.
+    """The voltages at which the stage turned round before a record that begins at ``first_V``: none where it had gone
+    there straight, or None where it steps there from rest.
 
     As ``starting_memory``, with up to ``MOST_TURNS`` of them: each is believed when it leaves less than ``share`` of
     what is left without it. One more is tried beside the best few of each number, since of a loop and the way back
     neither explains much alone. ``about`` is a quicker way to about the same squares, to look for the best by.
     """
-    found, left = None, squares(None)
+    starts: list[Turns | None] = [None, ()]
+    found = min(starts, key=squares)
+    left = squares(found)
     about, points_V = about or squares, _finer_near(first_V, turning_points_V)
     few: list[Turns] = [()]
     for count in range(1, MOST_TURNS + 1):
@@ -191,7 +193,8 @@ def with_memories(
 
 
 def _with_memory(fit: FitRun, operator: Leaves, points_V: Sequence[float], share: float, own_offset: bool) -> FitRun:
-    quick = operator.residuals_of(fit)
+    whole = fit.with_start()
+    quick = operator.residuals_of(whole)
 
     def squares(left_um: Samples) -> float:
         beyond = 0.0 if own_offset else max(abs(float(left_um.mean())) - DRIFT * fit.run.range_um, 0.0)
@@ -199,7 +202,7 @@ def _with_memory(fit: FitRun, operator: Leaves, points_V: Sequence[float], share
 
     @cache
     def surely(turned_V: Turns | None) -> float:
-        return squares(operator.residual(replace(fit, turned_V=turned_V)))
+        return squares(operator.residual(replace(whole, turned_V=turned_V)))
 
     @cache
     def about(turned_V: Turns) -> float:
@@ -211,12 +214,11 @@ def _with_memory(fit: FitRun, operator: Leaves, points_V: Sequence[float], share
 
 def told_memories(fits: Sequence[FitRun]) -> list[str]:
     """What is said of where these records start."""
-    return _message([_named(fit) for fit in fits if fit.turned_V is not None], len(fits))
+    return _message([_named(fit) for fit in fits if fit.turned_V], len(fits))
 
 
 def _named(fit: FitRun) -> str:
-    turns = [f"{volt:.3g} V" for volt in fit.turned_V or ()]
-    return f"{fit.run.source} (from {' and then '.join(turns)})"
+    return f"{fit.run.source} (from {' and then '.join(f'{volt:.3g} V' for volt in fit.turned_V or ())})"
 
 
 def _turning_points_V(fits: Sequence[FitRun]) -> list[float]:

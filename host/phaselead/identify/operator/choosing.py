@@ -1,0 +1,53 @@
+"""How many plays and segments the records of an axis carry, decided on data left out."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import product
+
+import numpy as np
+from scipy.linalg import block_diag
+
+from phaselead.identify.operator.leaving_out import SIMPLER, folds_of, left_out
+from phaselead.identify.operator.records import Records
+from phaselead.identify.operator.regressors import FADING, Basis
+from phaselead.identify.operator.result import Choice
+from phaselead.identify.operator.solution import Solution, centred, moments
+from phaselead.model import PLAYS, PLAYS_ALIKE
+from phaselead.record import Samples
+
+FINEST = (48, 20)
+"""Plays and segments of the richest size; the others are every 2nd, 4th ... of it."""
+PLAY_STRIDES, SEGMENT_MERGES = (1, 2, 4, 8, 0), (1, 2, 4, 10, 20)
+BESIDE_FADING = PLAYS - PLAYS_ALIKE * len(FADING)
+"""Plays beside fading ones at most: the device has plays in the place of those. There are some in any case, which tell
+where a record began."""
+
+
+def choose_basis(records: Records, found: Solution) -> tuple[Basis, tuple[Choice, ...]]:
+    """The simplest basis that predicts left-out data as well as any, all else as found, and all that were tried."""
+    fine = records.basis(*FINEST, fading=True)
+    of_groups = centred(moments(records.fits, fine, found.delay_s, found.rest_fraction, found.modes))
+    folds = folds_of(records.fits)
+    choices, bases = [], []
+    for stride, merge, fading in product(PLAY_STRIDES, SEGMENT_MERGES, (False, True)):
+        if fading and not 0 < stride <= fine.n_plays <= stride * BESIDE_FADING:
+            continue
+        shrink, basis = _coarser(fine, stride, merge, fading=fading)
+        error = left_out(shrink.T @ of_groups @ shrink, basis.n_segments, folds)
+        choices.append(Choice(basis.n_plays, basis.n_segments, error, len(basis.fading_r_V)))
+        bases.append(basis)
+    least = min(c.left_out for c in choices)
+    good = [i for i, c in enumerate(choices) if c.left_out <= SIMPLER * least]
+    best = min(good, key=lambda i: (choices[i].size, choices[i].left_out))
+    return bases[best], tuple(replace(c, chosen=i == best) for i, c in enumerate(choices))
+
+
+def _coarser(fine: Basis, stride: int, merge: int, *, fading: bool) -> tuple[Samples, Basis]:
+    """Every ``stride``-th play (0: none), ``merge`` segments in one, and the fading plays or none of them; and the
+    matrix that shrinks the moments."""
+    joined = np.kron(np.eye(fine.n_segments // merge), np.ones((merge, 1)))
+    kept = np.eye(fine.n_plays)[:, stride - 1 :: stride] if stride else np.zeros((fine.n_plays, 0))
+    faded = np.eye(len(fine.fading_r_V))[:, : None if fading else 0]
+    shrink = block_diag(joined, kept, faded, np.eye(2))
+    return shrink, Basis(fine.play_r_V @ kept, fine.knots_V[::merge], fine.fading_r_V @ faded)

@@ -1,0 +1,139 @@
+"""What differs from record to record: where each began, and the offset that it has beside the others.
+
+Memories are told by an operator, and the operator goes with the memories and the offsets: one leads to the other.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from phaselead.identify.operator.choosing import choose_basis
+from phaselead.identify.operator.records import Records, first_delay_s, known_rest, searched_from
+from phaselead.identify.operator.regressors import FitRun, Turns
+from phaselead.identify.operator.result import OperatorFit
+from phaselead.identify.operator.solution import DIFFERING, DRIFT, EXACT, Solution, offset_weight
+from phaselead.identify.operator.starting_memories import LIKELY_MEMORY, OTHER_MEMORY, told_memories, with_memories
+from phaselead.model import Mode
+
+SEARCH = (12, 10)
+"""Plays and segments before a size is chosen."""
+MEMORY_TURNS = 4
+"""How often memories are told by the operator that went with those of before."""
+
+
+def from_their_memories(records: Records, modes: tuple[Mode, ...]) -> tuple[Records, Solution, list[str]]:
+    """The records with the memories and offsets that explain them best, the operator then, and what to say of them.
+
+    Offsets tell the memories of a grid of levels, and would bend the loop of a stage that creeps: they are counted in
+    full and as creep.
+    """
+    first = _of_settled_rows(records, modes)
+    told = [_told_apart(records, first)]
+    if _weight_seen(*told[0][:2]) < 1:
+        told.append(_told_apart(replace(records, offset_weight=DIFFERING), first))
+    judged = [_as_of_one_session(*one[:2]).error for one in told]
+    session, found, said = told[int(np.argmin(judged))]
+    offsets = _offsets(session.fits, found)
+    if max(offsets) > DRIFT:  # a memory may explain it, or another session
+        apart, of_apart, also = _told_apart(replace(records, offset_weight=0.0), first)
+        if np.median(offsets) > DRIFT or of_apart.error**2 < OTHER_MEMORY * min(judged) ** 2:
+            message = "the records differ in offset by more than 1 % of their range: each has its own"
+            return apart, of_apart, [message, *also]
+    session = replace(session, offset_weight=_weight_seen(session, found))
+    return session, searched_from(session, found), said
+
+
+def _weight_seen(records: Records, found: Solution) -> float:
+    """How much offsets count by what is left of each record."""
+    shapes = [float(np.std(found.residual(f))) / f.run.range_um for f in records.fits]
+    return offset_weight(_offsets(records.fits, found), shapes)
+
+
+def _as_of_one_session(records: Records, found: Solution) -> Solution:
+    """The operator of these memories where offsets count as creep."""
+    creeping = replace(records, offset_weight=DIFFERING)
+    return creeping.at(found.basis, found.delay_s, found.rest_fraction, found.modes)
+
+
+def _of_settled_rows(records: Records, modes: tuple[Mode, ...]) -> Solution:
+    """The operator of the rows that remember nothing of what was before their record but an offset."""
+    late = records.settled()
+    return late.searched(late.basis(*SEARCH), first_delay_s(late), 0.0, modes)
+
+
+def _told_apart(records: Records, first: Solution) -> tuple[Records, Solution, list[str]]:
+    """The same where it is known whether each record has an offset of its own; ``first`` is of settled rows.
+
+    Memories are told by an operator and the operator goes with the memories: what a wrong one made of a record is told
+    anew by the operator that the others led to.
+    """
+    late = records.settled()
+    basis, _ = choose_basis(late, first)
+    at_rest = records.searched(basis, first.delay_s, 0.0, first.modes)
+    best: tuple[Records, Solution, list[str]] = records, at_rest, []
+    told: list[list[Turns | None]] = []
+    for found in (late.at(basis, first.delay_s, first.rest_fraction, first.modes), at_rest):
+        for turn in range(MEMORY_TURNS):
+            share, own_offsets = (OTHER_MEMORY, records.own_offsets) if turn else (LIKELY_MEMORY, True)
+            moved, said = with_memories(records.fits, found, share, own_offsets)
+            memories = [f.turned_V for f in moved]
+            if not any(turned_V is not None for turned_V in memories) or memories in told:
+                break
+            told.append(memories)
+            elsewhere = replace(records, fits=moved)
+            found = elsewhere.searched(basis, first.delay_s, first.rest_fraction, first.modes)
+            if found.error < best[1].error and _tell_better(elsewhere, found, at_rest):
+                best = elsewhere, found, said
+    return best
+
+
+def _tell_better(elsewhere: Records, found: Solution, at_rest: Solution) -> bool:
+    """Whether the memories leave clearly less of the records that have one than if all had come from rest."""
+    weight = elsewhere.offset_weight
+    moved = [fit for fit in elsewhere.fits if fit.turned_V is not None]
+    gains = [_square(found, f, weight) / _square(at_rest, replace(f, turned_V=None), weight) for f in moved]
+    return float(np.exp(np.mean(np.log(gains)))) < OTHER_MEMORY
+
+
+def _square(found: Solution, fit: FitRun, offset_weight: float) -> float:
+    """Mean square that is left of a record, at least what rounding leaves."""
+    e = found.residual(fit)
+    return float(np.var(e)) + offset_weight * float(np.mean(e)) ** 2 + (EXACT * fit.run.range_um) ** 2
+
+
+def _offsets(fits: list[FitRun], solution: Solution) -> list[float]:
+    """How far each record sits from most others, as a share of its range."""
+    means_um = [float(solution.residual(f).mean()) for f in fits]
+    usual_um = float(np.median(means_um))
+    return [abs(mean_um - usual_um) / f.run.range_um for mean_um, f in zip(means_um, fits, strict=True)]
+
+
+def weight_known(known: OperatorFit) -> float:
+    """How much offsets count by what a fit left of each record."""
+    if known.own_offsets:
+        return 0.0
+    shapes = [float(np.sqrt(max(one.rms_um**2 - one.mean_um**2, 0.0))) / one.range_um for one in known.records]
+    return offset_weight([one.mean_um / one.range_um for one in known.records], shapes)
+
+
+def told_behind_modes(records: Records, found: Solution, known: OperatorFit) -> tuple[Records, Solution, Sequence[str]]:
+    """The memories told anew, since the ringing of fast records hid them from a fit without modes, and what to say of
+    all of them.
+
+    Where rows before those that count have settled a record there is no more to tell.
+    """
+    before, said = told_memories(records.fits), told_memories(records.fits)
+    warmed = [i for i, f in enumerate(records.fits) if f.run.scored.start]
+    rest, whole = known_rest(found.rest_fraction), len(found.modes) == 1
+    for turn in range(MEMORY_TURNS if found.modes else 0):
+        share = OTHER_MEMORY if turn else LIKELY_MEMORY
+        fits, line = with_memories(records.fits, found, share, records.own_offsets, known=warmed)
+        moved = replace(records, fits=fits)
+        again = moved.searched(found.basis, found.delay_s, rest, found.modes, whole=whole)
+        if not again.error < found.error:
+            break
+        records, found, said = moved, again, line
+    return records, found, [*(line for line in known.messages if line not in before), *said]
