@@ -51,8 +51,8 @@ FEWEST_ROWS = 16
 JUMP_SHARE = 0.05
 """A change of voltage between two rows beyond this share of its span, and far beyond the usual, is a jump."""
 SLOW_END = 0.1
-"""Of a jump's steepest change: where the voltage moves more slowly, the jump has not begun or is over. A sine-shaped
-one has gone 0.3 % of its way there."""
+"""Of the first steep change of a jump: where the voltage moves more slowly, the jump has not begun or is over. A
+sine-shaped one has gone 0.3 % of its way there."""
 ROWS_BEFORE = 5
 """Whose median is where the stage was before a jump."""
 
@@ -327,15 +327,20 @@ def longest_delay_s(run: AxisRun) -> float:
     Nothing of a jump is seen before the delay has passed since its first row, however many rows it takes.
     """
     slope, usual_V = run.range_um / np.ptp(run.u_V[run.scored]), _usual_step_V(run)
-    bound = np.inf
+    bound, rows, seen = np.inf, 0, 0
     for first, last in _whole_jumps(run):
+        if first <= seen:  # what moves now may still be the answer to the jump before
+            seen = last + rows
+            continue
         way_V = abs(run.u_V[last] - run.u_V[first - 1])
         before = slice(max(0, first - ROWS_BEFORE), first)
         moved = np.abs(run.x_um[first:] - np.median(run.x_um[before]))
         slow_V = usual_V * (np.arange(len(moved)) + ROWS_BEFORE)
         gone = moved > slope * (way_V / 2 + slow_V)
         if gone.any():
-            bound = min(bound, float(np.argmax(gone) + 0.5) * run.step_s)
+            rows = int(np.argmax(gone))
+            seen = last + rows
+            bound = min(bound, (rows + 0.5) * run.step_s)
     return bound
 
 

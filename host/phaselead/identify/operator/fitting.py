@@ -135,8 +135,8 @@ def _best_lag(records: Records, without: Solution, longest_s: float) -> tuple[Re
 
 
 def place_operator(runs: Sequence[AxisRun], known: OperatorFit, modes: tuple[Mode, ...]) -> OperatorFit:
-    """Operator and modes fitted together from there on, thresholds where they are instead of on a grid; offsets of the
-    records, and memories other than rest, stay as in ``known``.
+    """Operator and modes fitted together from there on, thresholds where they are instead of on a grid; whether
+    records have offsets of their own stays as in ``known``.
 
     For records of many levels. Sines of one frequency cannot tell delay from play: theirs stays as it is.
     """

@@ -43,7 +43,8 @@ class RecordResidual:
     """With its sign: the record's own offset against the fitted one."""
     range_um: float
     turned_V: Turns | None
-    """Where the voltage last turned round before the record; None: it starts from rest."""
+    """Where the voltage turned round before the record; () where it had gone to its first voltage straight and stood
+    there, None where it stepped there from rest."""
 
     @staticmethod
     def of(fit: FitRun, residual: Samples, *, own_offset: bool) -> RecordResidual:

@@ -14,33 +14,40 @@ from phaselead.identify.operator.choosing import choose_basis
 from phaselead.identify.operator.records import Records, first_delay_s, known_rest, searched_from
 from phaselead.identify.operator.regressors import FitRun, Turns
 from phaselead.identify.operator.result import OperatorFit
-from phaselead.identify.operator.solution import DIFFERING, DRIFT, EXACT, Solution, offset_weight
-from phaselead.identify.operator.starting_memories import LIKELY_MEMORY, OTHER_MEMORY, told_memories, with_memories
+from phaselead.identify.operator.solution import DRIFT, EXACT, LEAST_OFFSET_WEIGHT, Solution, weight_of_offsets
+from phaselead.identify.operator.starting_memories import (
+    END_SHARE,
+    LIKELY_MEMORY,
+    OTHER_MEMORY,
+    told_memories,
+    with_memories,
+)
 from phaselead.model import Mode
 
 SEARCH = (12, 10)
 """Plays and segments before a size is chosen."""
-MEMORY_TURNS = 4
+MEMORY_ROUNDS = 4
 """How often memories are told by the operator that went with those of before."""
 
 
 def from_their_memories(records: Records, modes: tuple[Mode, ...]) -> tuple[Records, Solution, list[str]]:
     """The records with the memories and offsets that explain them best, the operator then, and what to say of them.
 
-    Offsets tell the memories of a grid of levels, and would bend the loop of a stage that creeps: they are counted in
-    full and as creep.
+    Offsets tell the memories of a grid of levels, and would bend the loop of a stage that creeps. They count in full
+    first and, where that shows that much of what is left is offsets, as little as they may; what leaves less is kept.
     """
     first = _of_settled_rows(records, modes)
-    told = [_told_apart(records, first)]
-    if _weight_seen(*told[0][:2]) < 1:
-        told.append(_told_apart(replace(records, offset_weight=DIFFERING), first))
-    judged = [_as_of_one_session(*one[:2]).error for one in told]
+    told = [_told(records, first)]
+    judged = [_counted_least(*told[0][:2])]
+    if judged[0] ** 2 < OTHER_MEMORY * told[0][1].error ** 2:
+        told.append(_told(replace(records, offset_weight=LEAST_OFFSET_WEIGHT), first))
+        judged.append(_counted_least(*told[1][:2]))
     session, found, said = told[int(np.argmin(judged))]
     offsets = _offsets(session.fits, found)
     if max(offsets) > DRIFT:  # a memory may explain it, or another session
-        apart, of_apart, also = _told_apart(replace(records, offset_weight=0.0), first)
+        apart, of_apart, also = _told(replace(records, offset_weight=0.0), first)
         if np.median(offsets) > DRIFT or of_apart.error**2 < OTHER_MEMORY * min(judged) ** 2:
-            message = "the records differ in offset by more than 1 % of their range: each has its own"
+            message = f"the records differ in offset by more than {100 * DRIFT:g} % of their range: each has its own"
             return apart, of_apart, [message, *also]
     session = replace(session, offset_weight=_weight_seen(session, found))
     return session, searched_from(session, found), said
@@ -49,45 +56,67 @@ def from_their_memories(records: Records, modes: tuple[Mode, ...]) -> tuple[Reco
 def _weight_seen(records: Records, found: Solution) -> float:
     """How much offsets count by what is left of each record."""
     shapes = [float(np.std(found.residual(f))) / f.run.range_um for f in records.fits]
-    return offset_weight(_offsets(records.fits, found), shapes)
+    return weight_of_offsets(_offsets(records.fits, found), shapes)
 
 
-def _as_of_one_session(records: Records, found: Solution) -> Solution:
-    """The operator of these memories where offsets count as creep."""
-    creeping = replace(records, offset_weight=DIFFERING)
-    return creeping.at(found.basis, found.delay_s, found.rest_fraction, found.modes)
+def _counted_least(records: Records, found: Solution) -> float:
+    """The relative error that these memories leave where offsets count least."""
+    session = replace(records, offset_weight=LEAST_OFFSET_WEIGHT)
+    return session.at(found.basis, found.delay_s, found.rest_fraction, found.modes).error
 
 
 def _of_settled_rows(records: Records, modes: tuple[Mode, ...]) -> Solution:
     """The operator of the rows that remember nothing of what was before their record but an offset."""
     late = records.settled()
-    return late.searched(late.basis(*SEARCH), first_delay_s(late), 0.0, modes)
+    found = late.searched(late.basis(*SEARCH), first_delay_s(late), 0.0, modes)
+    basis, _ = choose_basis(late, found)
+    return late.at(basis, found.delay_s, found.rest_fraction, found.modes)
 
 
-def _told_apart(records: Records, first: Solution) -> tuple[Records, Solution, list[str]]:
-    """The same where it is known whether each record has an offset of its own; ``first`` is of settled rows.
+def _told(records: Records, first: Solution) -> tuple[Records, Solution, list[str]]:
+    """The same where it is known how much offsets count; ``first`` is of settled rows.
 
     Memories are told by an operator and the operator goes with the memories: what a wrong one made of a record is told
-    anew by the operator that the others led to.
+    anew by the operator that the others led to. It begins with three: of settled rows, of all from rest, and of all
+    after the highest voltage, where that is how a session of falling levels began.
     """
-    late = records.settled()
-    basis, _ = choose_basis(late, first)
-    at_rest = records.searched(basis, first.delay_s, 0.0, first.modes)
+
+    def searched(of: Records) -> Solution:
+        return of.searched(first.basis, first.delay_s, first.rest_fraction, first.modes)
+
+    at_rest = records.searched(first.basis, first.delay_s, 0.0, first.modes)
     best: tuple[Records, Solution, list[str]] = records, at_rest, []
-    told: list[list[Turns | None]] = []
-    for found in (late.at(basis, first.delay_s, first.rest_fraction, first.modes), at_rest):
-        for turn in range(MEMORY_TURNS):
-            share, own_offsets = (OTHER_MEMORY, records.own_offsets) if turn else (LIKELY_MEMORY, True)
-            moved, said = with_memories(records.fits, found, share, own_offsets)
-            memories = [f.turned_V for f in moved]
-            if not any(turned_V is not None for turned_V in memories) or memories in told:
+    starts = [first, at_rest]
+    fallen = _after_top(records)
+    if any(f.turned_V for f in fallen.fits):
+        found = searched(fallen)
+        if found.error < at_rest.error and _tell_better(fallen, found, at_rest):
+            best = fallen, found, told_memories(fallen.fits)
+            starts.append(found)
+    tried: list[list[Turns | None]] = []
+    for start in starts:
+        found = start
+        for again in range(MEMORY_ROUNDS):
+            share, own_offsets = (OTHER_MEMORY, records.own_offsets) if again else (LIKELY_MEMORY, True)
+            fits, said = with_memories(records.fits, found, share, own_offsets)
+            memories = [f.turned_V for f in fits]
+            if memories in tried or not any(turned_V is not None for turned_V in memories):
                 break
-            told.append(memories)
-            elsewhere = replace(records, fits=moved)
-            found = elsewhere.searched(basis, first.delay_s, first.rest_fraction, first.modes)
-            if found.error < best[1].error and _tell_better(elsewhere, found, at_rest):
-                best = elsewhere, found, said
+            tried.append(memories)
+            moved = replace(records, fits=fits)
+            found = searched(moved)
+            if found.error < best[1].error and _tell_better(moved, found, at_rest):
+                best = moved, found, said
     return best
+
+
+def _after_top(records: Records) -> Records:
+    """The records as if all that do not show the highest voltage had come from it."""
+    tops_V = [float(f.run.u_V.max()) for f in records.fits]
+    shown_V = max(tops_V) - END_SHARE * (max(tops_V) - min(float(f.run.u_V.min()) for f in records.fits))
+    fits = [replace(f, turned_V=(max(tops_V),)) if top_V < shown_V else f
+            for f, top_V in zip(records.fits, tops_V, strict=True)]  # fmt: skip
+    return replace(records, fits=fits)
 
 
 def _tell_better(elsewhere: Records, found: Solution, at_rest: Solution) -> bool:
@@ -115,8 +144,9 @@ def weight_known(known: OperatorFit) -> float:
     """How much offsets count by what a fit left of each record."""
     if known.own_offsets:
         return 0.0
+    usual_um = float(np.median([one.mean_um for one in known.records]))
     shapes = [float(np.sqrt(max(one.rms_um**2 - one.mean_um**2, 0.0))) / one.range_um for one in known.records]
-    return offset_weight([one.mean_um / one.range_um for one in known.records], shapes)
+    return weight_of_offsets([(one.mean_um - usual_um) / one.range_um for one in known.records], shapes)
 
 
 def told_behind_modes(records: Records, found: Solution, known: OperatorFit) -> tuple[Records, Solution, Sequence[str]]:
@@ -128,12 +158,12 @@ def told_behind_modes(records: Records, found: Solution, known: OperatorFit) -> 
     before, said = told_memories(records.fits), told_memories(records.fits)
     warmed = [i for i, f in enumerate(records.fits) if f.run.scored.start]
     rest, whole = known_rest(found.rest_fraction), len(found.modes) == 1
-    for turn in range(MEMORY_TURNS if found.modes else 0):
-        share = OTHER_MEMORY if turn else LIKELY_MEMORY
+    for again in range(MEMORY_ROUNDS if found.modes else 0):
+        share = OTHER_MEMORY if again else LIKELY_MEMORY
         fits, line = with_memories(records.fits, found, share, records.own_offsets, known=warmed)
         moved = replace(records, fits=fits)
-        again = moved.searched(found.basis, found.delay_s, rest, found.modes, whole=whole)
-        if not again.error < found.error:
+        better = moved.searched(found.basis, found.delay_s, rest, found.modes, whole=whole)
+        if not better.error < found.error:
             break
-        records, found, said = moved, again, line
+        records, found, said = moved, better, line
     return records, found, [*(line for line in known.messages if line not in before), *said]

@@ -56,9 +56,8 @@ MODE_STEP = 1e-5
 """Relative, for the slope over a frequency or a damping."""
 DRIFT = 0.01
 """Of the range: by so much creep and drift move a record among others of its session."""
-DIFFERING = (0.001 / DRIFT) ** 2
-"""The least weight of offsets of one session: what drift makes of them beside the thousandth of the range that an
-operator leaves."""
+LEAST_OFFSET_WEIGHT = (0.001 / DRIFT) ** 2
+"""Of offsets of one session: what drift makes of them beside the thousandth of the range that an operator leaves."""
 LAG_SLOPE_STEP = 0.01
 """Relative, for the slope over a time constant."""
 
@@ -151,7 +150,8 @@ def centred(moments: Samples) -> Samples:
 
 
 def of_records(fits: list[FitRun], of_groups: Samples) -> Samples:
-    """Moments (record, k, k) of whole records from those of their groups (group, k, k)."""
+    """Moments (record, k, k) of whole records from those of their groups (group, k, k), which rise from record to
+    record; every record has rows."""
     first = np.cumsum([0, *(len(f.stretches) for f in fits[:-1])])
     return np.asarray(np.add.reduceat(of_groups, first, axis=0))
 
@@ -163,12 +163,12 @@ def together(moments: Samples, offset_weight: float) -> Samples:
     return np.asarray(own + offset_weight * (centred(moments.sum(axis=0)) - own))
 
 
-def offset_weight(offsets: Sequence[float], shapes: Sequence[float]) -> float:
+def weight_of_offsets(offsets: Sequence[float], shapes: Sequence[float]) -> float:
     """How much the offsets of records count that differ by these shares of their ranges, where the model leaves
     ``shapes`` of them about their means: in full where they are no larger than that, and else as the variance that they
     are seen to have makes it likeliest. Counted in full, what creeps would bend the loop."""
     seen, left = (float(np.mean(np.square(values))) for values in (offsets, shapes))
-    return min(1.0, max(DIFFERING, left / seen)) if seen > 0 else 1.0
+    return min(1.0, max(LEAST_OFFSET_WEIGHT, left / seen)) if seen > 0 else 1.0
 
 
 def solve_slopes(

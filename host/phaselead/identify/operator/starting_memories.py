@@ -25,17 +25,17 @@ OTHER_MEMORY, LIKELY_MEMORY = 0.6, 0.8
 operator that was fitted to rest hides that: below the second the memory is tried, and the operator that goes with it
 tells."""
 ALIKE = 0.99
-"""Of a squared residual: a turn is moved off its grid where that leaves less than this."""
+"""Of a squared residual, chosen: a turn is moved off its grid where that leaves less than this."""
 PRECISE = 0.02
-"""Of the way between two points of the grid: how finely the best turn is searched."""
+"""Of the way between the points on either side of a turn: how finely the best one is searched."""
 FEW_WAYS = 10
-"""So many ways before a record are made longer, the best ones."""
+"""So many ways before a record are made longer, the best ones: a budget of time."""
 END_SHARE = 0.01
 """Of the span: this close to the end of its voltage a record has been there."""
 ENOUGH_ROWS = 1 / 3
 """Of the rows: where no record has so many settled ones, all are used whole."""
 FEWEST_SETTLED = 20
-"""Rows that tell the offset of a record at least."""
+"""Rows of a record at least, chosen: enough for an offset, too few to draw the operator."""
 MOST_TURNS = 4
 """Before a record: a loop through both ends, and a way to where the record begins that turns round once more or
 twice."""
@@ -69,8 +69,8 @@ def way_before(
     what is left without it. One more is tried beside the best few of each number, since of a loop and the way back
     neither explains much alone. ``about`` is a quicker way to about the same squares, to look for the best by.
     """
-    starts: list[Turns | None] = [None, ()]
-    found = min(starts, key=squares)
+    straight: list[Turns | None] = [None, ()] if first_V else [None]
+    found = min(straight, key=squares)
     left = squares(found)
     about, points_V = about or squares, _finer_near(first_V, turning_points_V)
     few: list[Turns] = [()]
@@ -208,7 +208,7 @@ def _with_memory(fit: FitRun, operator: Leaves, points_V: Sequence[float], share
     def about(turned_V: Turns) -> float:
         return squares(quick(turned_V))
 
-    turned_V = way_before(surely, points_V, float(fit.run.u_V[0]), share, about)
+    turned_V = way_before(surely, points_V, 0.0 if fit.run.begins_at_0_V else float(fit.run.u_V[0]), share, about)
     return replace(fit, turned_V=turned_V)
 
 

@@ -22,6 +22,8 @@ MOST_PLAY_ROWS = 12_000
 REST_FRACTIONS = np.linspace(-0.8, 0.8, 9)
 PLAY_TURNING_POINTS = 9
 """Evenly over the range: voltages a record can have come from."""
+OWN_OFFSETS = 0.0
+"""What offsets between records count."""
 LEAST_RANGE_UM = 1e-9
 """Keeps the weight of a record that hardly moves finite."""
 
@@ -43,12 +45,11 @@ def _fit_rising(runs: Sequence[AxisRun], delay_s: float) -> TimeView:
     swing = max(float(np.ptp(r.u_V[r.scored])) for r in runs)
     basis = nested_basis(swing, low, high, SYMMETRIC_PLAYS, 1)
     fits = [_thinned(run, max(FEWEST_ROWS, MOST_PLAY_ROWS // len(runs)), i) for i, run in enumerate(runs)]
-    offset_weight = 0.0 if len(fits) > 1 else 1.0
-    tried = [best_slopes(fits, basis, delay_s, rest, offset_weight) for rest in REST_FRACTIONS.tolist()]
+    tried = [best_slopes(fits, basis, delay_s, rest, OWN_OFFSETS) for rest in REST_FRACTIONS.tolist()]
     solution = min(tried, key=lambda s: s.error)
     if len(fits) > 1:
         fits = [_from_its_memory(fit, solution) for fit in fits]
-        solution = best_slopes(fits, basis, delay_s, solution.rest_fraction, offset_weight)
+        solution = best_slopes(fits, basis, delay_s, solution.rest_fraction, OWN_OFFSETS)
     residuals = [solution.residual(f) for f in fits]
     return solution.time_view(1 / runs[0].step_s, [e - e.mean() for e in residuals])
 
