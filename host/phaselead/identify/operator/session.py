@@ -39,7 +39,7 @@ def from_their_memories(records: Records, modes: tuple[Mode, ...]) -> tuple[Reco
     first = _of_settled_rows(records, modes)
     told = [_told(records, first)]
     judged = [_counted_least(*told[0][:2])]
-    if judged[0] ** 2 < OTHER_MEMORY * told[0][1].error ** 2:
+    if judged[0] ** 2 < LIKELY_MEMORY * told[0][1].error ** 2:
         told.append(_told(replace(records, offset_weight=LEAST_OFFSET_WEIGHT), first))
         judged.append(_counted_least(*told[1][:2]))
     session, found, said = told[int(np.argmin(judged))]
