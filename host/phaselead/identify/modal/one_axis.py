@@ -164,9 +164,7 @@ def shares_left(operator: OperatorFit, modes: tuple[Mode, ...], runs: Sequence[A
     left = []
     beside = [*operator.beside_view(), *([effect_of_modes(modes)] if modes else [])]
     for run, turned_V in zip(runs, _memories_of(operator), strict=True):
-        start = _plays_V(operator.view, turned_V, run)
-        axis = AxisModel(time=operator.view)
-        answer = simulate(axis, run.t_s, run.u_V, extra=beside, start=start, turned_V=turned_V)
+        answer = _answer(operator.view, beside, run, turned_V)
         left.append(float(np.std((run.x_um - answer)[run.scored])) / run.range_um)
     return left
 

@@ -27,7 +27,7 @@ from phaselead.model import Mode
 SEARCH = (12, 10)
 """Plays and segments before a size is chosen."""
 MEMORY_ROUNDS = 4
-"""How often memories are told by the operator that went with those of before."""
+"""How often memories are told by the operator that went with those of before: a budget of time."""
 
 
 def from_their_memories(records: Records, modes: tuple[Mode, ...]) -> tuple[Records, Solution, list[str]]:
@@ -74,7 +74,7 @@ def _of_settled_rows(records: Records, modes: tuple[Mode, ...]) -> Solution:
 
 
 def _told(records: Records, first: Solution) -> tuple[Records, Solution, list[str]]:
-    """The same where it is known how much offsets count; ``first`` is of settled rows.
+    """The same for what offsets count in these records; ``first`` is of settled rows.
 
     Memories are told by an operator and the operator goes with the memories: what a wrong one made of a record is told
     anew by the operator that the others led to. It begins with three: of settled rows, of all from rest, and of all
@@ -160,10 +160,10 @@ def told_behind_modes(records: Records, found: Solution, known: OperatorFit) -> 
     rest, whole = known_rest(found.rest_fraction), len(found.modes) == 1
     for again in range(MEMORY_ROUNDS if found.modes else 0):
         share = OTHER_MEMORY if again else LIKELY_MEMORY
-        fits, line = with_memories(records.fits, found, share, records.own_offsets, known=warmed)
+        fits, named = with_memories(records.fits, found, share, records.own_offsets, known=warmed)
         moved = replace(records, fits=fits)
         better = moved.searched(found.basis, found.delay_s, rest, found.modes, whole=whole)
         if not better.error < found.error:
             break
-        records, found, said = moved, better, line
+        records, found, said = moved, better, named
     return records, found, [*(line for line in known.messages if line not in before), *said]

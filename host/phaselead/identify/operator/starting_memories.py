@@ -1,4 +1,4 @@
-"""Where the memory of a record starts: at rest, or at the turning point the stage came from before it.
+"""Where the memory of a record starts: at rest, or after the turns that the stage made before it.
 
 Once a record has been at both ends of its voltage, nothing that it can still move remembers what was before it
 (wiping-out); what is left of the past is an offset. So slopes come from settled rows first, and the starting memories
@@ -46,7 +46,7 @@ NAMED_RECORDS = 3
 def starting_memory(
     squares: Callable[[Turns | None], float], turning_points_V: Iterable[float], share: float = LIKELY_MEMORY
 ) -> Turns | None:
-    """The voltage at which the stage last turned round before a record, or None when it starts from rest.
+    """The one voltage at which the stage turned round before a record, or None when it starts from rest.
 
     ``squares`` gives the squared residual of the record for turning points in V, and for None from rest. The turning
     point that leaves least is believed when it leaves less than ``share`` of what rest leaves.
