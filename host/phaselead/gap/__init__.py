@@ -26,6 +26,7 @@ from phaselead.gap.findings import (
 )
 from phaselead.gap.locate import excludes, headline, percent, three_digits, typical_of, unit_of
 from phaselead.gap.posterior import MOST_STATED
+from phaselead.gap.residual import left_um
 from phaselead.gap.result import GapResult
 from phaselead.gap.run import keep_freed_memory, run_gap, verified_on
 from phaselead.gap.verify_on import TrackedPath, TrackingComparison, check_port
@@ -52,6 +53,7 @@ __all__ = [
     "excludes",
     "headline",
     "keep_freed_memory",
+    "left_um",
     "modes_crossed_Hz",
     "parameter_rows",
     "percent",

@@ -118,7 +118,7 @@ def axis_runs(
         )
     if not axes:
         _refuse_without_common_axis(stage, [*train, *holdout])
-    runs = {a: [_run(r, a, role) for role, rs in parts for r in rs if _has(r, a)] for a in axes}
+    runs = {a: [run_of(r, a, role) for role, rs in parts for r in rs if _has(r, a)] for a in axes}
     for a, of_axis in runs.items():
         _refuse_other_rate(stage, a, of_axis)
     _refuse_all_still([r for of_axis in runs.values() for r in of_axis])
@@ -127,12 +127,12 @@ def axis_runs(
 
 def _refuse_without_common_axis(stage: Stage, records: Sequence[Recording]) -> NoReturn:
     """Say which record has not the axis that the model and the others have, or that no two agree."""
-    strangers = [record for record in records if not set(_complete_axes(record)) & set(stage.axes)]
+    strangers = [record for record in records if not set(complete_axes(record)) & set(stage.axes)]
     if not strangers:
-        each = ", ".join(f"{record.source} has {_said(_complete_axes(record))}" for record in records)
+        each = ", ".join(f"{record.source} has {_said(complete_axes(record))}" for record in records)
         raise BadInput(f"no axis is in all of the records: {each}; compare one axis at a time")
-    one = min(strangers, key=lambda record: len(_complete_axes(record)))
-    found = _complete_axes(one)
+    one = min(strangers, key=lambda record: len(complete_axes(record)))
+    found = complete_axes(one)
     if found and len(strangers) < len(records):
         raise BadInput(f"{one.source}: is of {_said(found)}, the model has {_said(sorted(stage.axes))}; leave it out")
     if not found:
@@ -192,7 +192,8 @@ def _has(record: Recording, axis: str) -> bool:
     return _complete(record.axes.get(axis))
 
 
-def _complete_axes(record: Recording) -> list[str]:
+def complete_axes(record: Recording) -> list[str]:
+    """Those of which voltage and position are there."""
     return sorted(axis for axis in record.axes if _has(record, axis))
 
 
@@ -200,7 +201,7 @@ def _all_have(axis: str, records: Sequence[Recording]) -> bool:
     return all(_has(record, axis) for record in records)
 
 
-def _run(record: Recording, axis: str, role: Role) -> GapRun:
+def run_of(record: Recording, axis: str, role: Role) -> GapRun:
     """One axis of a record, which has it."""
     own = record.axes[axis]
     assert own.u_V is not None

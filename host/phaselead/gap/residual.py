@@ -6,6 +6,7 @@ projected out of everything that is compared, the memory's shrunk to how far a p
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
@@ -13,10 +14,10 @@ from typing import NamedTuple
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from phaselead.gap.records import GapRun
+from phaselead.gap.records import GapRun, complete_axes, run_of
 from phaselead.identify import Turns, starting_memory
-from phaselead.model import AxisModel, Chain, Entry, Extra, Place, effect, plays_after, respond, rest_plays
-from phaselead.record import Samples
+from phaselead.model import AxisModel, Chain, Entry, Extra, Place, Stage, effect, plays_after, respond, rest_plays
+from phaselead.record import Recording, Samples
 
 MEMORY_ROWS = 20_000
 """Most rows of a record on which starting memories are compared; of longer ones some are left out."""
@@ -96,6 +97,14 @@ def modelled_run(axis: AxisModel, run: GapRun) -> ModelledRun:
     assert axis.time is not None
     began = _best_start(axis, run)
     return ModelledRun(run, axis, _chain(axis, run, began), began, nuisance_columns(axis, run, began))
+
+
+def left_um(stage: Stage, records: Sequence[Recording]) -> float:
+    """RMS in um that a model leaves of records, each about its own offset and from the memory that suits it best: the
+    gap before, were these held out."""
+    runs = [run_of(record, axis, "holdout") for record in records for axis in complete_axes(record)]
+    errors = [modelled_run(stage.axes[run.axis], run).error() for run in runs if run.axis in stage.axes]
+    return float(np.sqrt(np.mean(np.concatenate([error - error.mean() for error in errors]) ** 2)))
 
 
 def _chain(axis: AxisModel, run: GapRun, began: Began | None) -> Chain:

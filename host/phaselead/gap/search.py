@@ -44,8 +44,8 @@ def select_effects(
 ) -> Selection:
     """The effects of ``effects`` that are there. The base ``axis`` has a time view.
 
-    ``frozen``: without reference runs, whether nothing may be wrong with the base. A base without plays is given its
-    memory first, where that explains most.
+    ``frozen``: without reference runs, whether nothing may be wrong with the base; reference runs say by themselves
+    what may. A base without plays is given its memory first, where that explains most.
 
     ``nameless``: effects that change what the base has, and so cannot be told from a base that was wrong. They compete
     like any other, so that no rival gets the name in their place, and may be in a tie; what they alone explain has no
@@ -56,7 +56,8 @@ def select_effects(
     left = [effect for effect in effects if memory is None or effect.name != memory.effect.name]
     referenced = any(run.role == "reference" for run in runs)
     of_runs = [modelled_run(base, run) for run in runs]
-    likelihood = likelihood_of(of_runs, base_may_be_off=not referenced and not frozen, open_plays=memory is not None)
+    # Reference records vouch for no more of the base than they move.
+    likelihood = likelihood_of(of_runs, base_may_be_off=referenced or not frozen, open_plays=memory is not None)
     contest = search_sets(likelihood, [*left, *nameless], lambda share: on_progress(0.1 + 0.9 * share))
     names = frozenset(effect.name for effect in nameless)
     judgement = judge(contest, names)

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from phaselead.errors import BadInput, PhaseleadError
-from phaselead.gap import GapResult, NamedEffect, excitation_of, keep_freed_memory, run_gap
+from phaselead.gap import GapResult, NamedEffect, excitation_of, keep_freed_memory, left_um, run_gap
 from phaselead.identify import STILL_V, Base, fit
-from phaselead.model import Actuator, AxisModel, Place, Stage, catalogue, predict
+from phaselead.model import Actuator, AxisModel, Place, Stage, catalogue
 from phaselead.record import Recording
 from phaselead.validation.journal import Outcome
 from phaselead.validation.truth import Case, Hidden, load_truth
@@ -59,7 +59,7 @@ def _tried(case: Case, follow_up: bool) -> Outcome:
         **answer(result, case.hidden),
         "seconds": time.monotonic() - began,
         "cpu_seconds": time.process_time() - spent,
-        "floor": _floor_um(stage, case.bare_holdout()),
+        "floor": left_um(stage, bare) if (bare := case.bare_holdout()) is not None else None,
         "rows": sum(len(r.t_s) * len(r.axes) for r in [*reference, *train, *holdout]),
     }
     if follow_up and case.kind in FOLLOWED_UP:
@@ -89,21 +89,6 @@ def _known(case: Case) -> AxisModel:
     if span_V is not None:
         return AxisModel(actuator=Actuator(bits=case.bits, u_min_V=span_V[0], u_max_V=span_V[1]))
     return AxisModel(actuator=Actuator(bits=case.bits)) if case.bits != USUAL_BITS else AxisModel()
-
-
-def _floor_um(stage: Stage, bare: Sequence[Recording] | None) -> float | None:
-    """RMS error (um) of the base on the held-out records with nothing hidden, each about its own offset, from a step
-    from rest in the first row or of a stage that had long stood there: whichever leaves less."""
-    if bare is None:
-        return None
-    errors = []
-    for record in bare:
-        began = [predict(stage, record, stood=stood) for stood in (False, True)]
-        for axis, driven in record.axes.items():
-            if driven.x_um is not None and driven.u_V is not None:
-                left = [driven.x_um - x_um for one in began if (x_um := one.axes[axis].x_um) is not None]
-                errors.append(min((error - error.mean() for error in left), key=np.std))
-    return float(np.sqrt(np.mean(np.concatenate(errors) ** 2)))
 
 
 def _driven(record: Recording) -> bool:

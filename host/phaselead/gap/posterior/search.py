@@ -63,8 +63,8 @@ class Contest:
 
 
 def likelihood_of(runs: Sequence[ModelledRun], base_may_be_off: bool = False, open_plays: bool = False) -> Likelihood:
-    """Of what effects do in the runs that are no reference. ``base_may_be_off``: its gain and
-    plays, which only reference records vouch for. ``open_plays``: these were fitted to the training records."""
+    """Of what effects do in the runs that are no reference. ``base_may_be_off``: its gain, plays and bends, as far as
+    no reference record holds them. ``open_plays``: these were fitted to the training records."""
     every = blocked(runs)
     expected = expected_of(every)
     none = [np.zeros((run.edges[-1], 0)) for run in every]
