@@ -25,6 +25,7 @@ CASES = [
     ("sensor_lowpass", {"tau_s": 5e-4}, "sine:60um@20Hz", 25),
     ("resonance", {"f_Hz": 150.0, "zeta": 0.02}, "triangle:60um@20Hz", 6),
     ("hysteresis", {"width": 0.12}, "sine:60um@5Hz", 100),
+    ("field_bend", {"bend": 0.08}, "sine:60um@5Hz", 7),
     ("asymmetric_hysteresis", {"bend": 0.03}, "sine:60um@5Hz", 25),
     ("cross_coupling", {"from_y": 0.04}, "x=sine:60um@5Hz,y=sine:60um@7Hz", 25),
     ("creep", {"gamma": 0.03}, "goto:60um", 60),

@@ -214,9 +214,12 @@ def test_a_record_begins_with_a_step_from_rest_or_where_it_had_stood(plays, step
     assert made.error().std() < 0.012
 
 
-def test_what_a_model_leaves_is_told_from_where_a_record_began():
-    """After a full loop the plays stand elsewhere than after rest: the model is not to blame for that."""
-    axis = a_track().axis
+@pytest.mark.parametrize("bend", [0.0, 0.1, -0.15])
+def test_what_a_model_leaves_is_told_from_where_a_record_began(bend):
+    """After a full loop the plays stand elsewhere than after rest: the model is not to blame for that. Also where they
+    stand in a field that is not the voltage."""
+    own = a_track().axis
+    axis = own.model_copy(update={"effects": (AdoptedEffect(name="field_bend", params={"bend": bend}), *own.effects)})
     t = np.arange(2000) * STEP_s
     u = 4 + 3 * np.sin(2 * np.pi * 5 * t)
     led = np.concatenate([8 * np.sin(np.pi * np.arange(4000) / 4000), np.linspace(0, 4, 2000), u])

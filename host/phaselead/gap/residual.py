@@ -16,7 +16,7 @@ from scipy.interpolate import CubicSpline
 
 from phaselead.gap.records import GapRun, complete_axes, run_of
 from phaselead.identify import Turns, starting_memory
-from phaselead.model import AxisModel, Chain, Entry, Extra, Place, Stage, effect, plays_after, respond, rest_plays
+from phaselead.model import AxisModel, Chain, Entry, Extra, Place, Stage, effect, plays_standing, respond, rest_plays
 from phaselead.record import Recording, Samples
 
 MEMORY_ROWS = 20_000
@@ -126,7 +126,7 @@ def _best_start(axis: AxisModel, run: GapRun) -> Began | None:
     rows = np.arange(run.start, run.stop, max(1, len(u) // MEMORY_ROWS))
 
     def began(turned_V: Turns) -> Began:
-        return Began(plays_after(view, *turned_V, float(u[0])), turned_V)
+        return Began(plays_standing(axis, turned_V, float(u[0])), turned_V)
 
     def left(start: Began | None) -> Samples:
         return np.asarray((run.x_um - _chain(axis, run, start).run())[rows])

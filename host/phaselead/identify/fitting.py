@@ -28,10 +28,12 @@ from phaselead.identify.table import compare_with_table_1, comparison_text, lock
 from phaselead.model import (
     AdoptedEffect,
     AxisModel,
+    Field,
     Stage,
     TablePoint,
     TableView,
     effect_of_fading,
+    effect_of_field,
     effect_of_lag,
     effect_of_modes,
     explained,
@@ -144,6 +146,7 @@ def fit(
                 messages += _about_stillness(axis, axis_runs)
                 messages += _about_modes(axis, mode, axis_runs, alone=axis not in together)
                 messages += _about_lag(axis, found)
+                messages += _about_field(axis, found)
                 if mode is not None:
                     modes[axis] = mode
                 view, said = _table(axis_runs, backwards)
@@ -230,7 +233,7 @@ def _axis_model(
     parent: Stage | None, axis: str, time: OperatorFit, table: TableView | None, mode: FittedModes | None
 ) -> AxisModel:
     view = time.view
-    effects = (*_adopted_lag(time), *_adopted_fading(time))
+    effects = (*_adopted_lag(time), *_adopted_field(time), *_adopted_fading(time))
     if mode is not None:
         view, effect = mode.adopted(view)
         effects = (*effects, effect)
@@ -289,6 +292,17 @@ def _about_lag(axis: str, found: OperatorFit) -> list[str]:
     ]
 
 
+def _about_field(axis: str, found: OperatorFit) -> list[str]:
+    if not found.field_bend:
+        return []
+    bend = found.field_bend
+    return [
+        f"axis {axis}: the field rises {1 - 2 * bend:.3g} times as fast as the voltage at the lower end of its range, "
+        f"{1 + 2 * bend:.3g} times at the upper: loops differ in size; adopted as effect "
+        f"{effect_of_field(Field(bend, found.view.u_range_V))[0].name}"
+    ]
+
+
 def _duration(time_s: float) -> str:
     """In us, from a millisecond on in ms; three digits."""
     return f"{1e6 * time_s:.3g} us" if time_s < 999.5e-6 else f"{1e3 * time_s:.3g} ms"
@@ -301,6 +315,14 @@ def _adopted_lag(found: OperatorFit) -> tuple[AdoptedEffect, ...]:
     effect, params = effect_of_lag(found.lag_s)
     ci95 = {} if found.lag_ci95_s is None else dict.fromkeys(params, found.lag_ci95_s)
     return (AdoptedEffect(name=effect.name, status="provisional", params=params, ci95=ci95, share=found.lag_share),)
+
+
+def _adopted_field(found: OperatorFit) -> tuple[AdoptedEffect, ...]:
+    """What the operator answers to, where it rises unevenly with the voltage."""
+    if not found.field_bend:
+        return ()
+    effect, params = effect_of_field(Field(found.field_bend, found.view.u_range_V))
+    return (AdoptedEffect(name=effect.name, params=params),)
 
 
 def _adopted_fading(found: OperatorFit) -> tuple[AdoptedEffect, ...]:

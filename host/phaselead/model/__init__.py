@@ -13,7 +13,7 @@ from phaselead.model.axis import (
     Sensor,
     TimeView,
 )
-from phaselead.model.chain import Chain, Extra, simulate
+from phaselead.model.chain import Chain, Extra, plays_standing, simulate
 from phaselead.model.effects import (
     CheckedParameters,
     Complex,
@@ -34,8 +34,10 @@ from phaselead.model.effects import (
     derived_sizes,
     effect,
     effect_of_fading,
+    effect_of_field,
     effect_of_lag,
     effect_of_modes,
+    field_of,
     lags,
     mode_coefficients,
     modes_of,
@@ -51,6 +53,7 @@ from phaselead.model.effects import (
 )
 from phaselead.model.fading import ALIKE as PLAYS_ALIKE
 from phaselead.model.fading import state_after
+from phaselead.model.field import EVEN, Field
 from phaselead.model.inverse import BACKWARDS, KNOTS, PLAYS, SECTIONS, TERMS, Compensation, compensation, coupling
 from phaselead.model.linearised import SmallSignal, small_signal
 from phaselead.model.loop_filter import SECTIONS_IN_LOOP, LoopFilter
@@ -84,6 +87,7 @@ from phaselead.model.validation_errors import explained
 
 __all__ = [
     "BACKWARDS",
+    "EVEN",
     "HOLD_S",
     "KNOTS",
     "LATCH_S",
@@ -107,6 +111,7 @@ __all__ = [
     "Effect",
     "Entry",
     "Extra",
+    "Field",
     "Gains",
     "Limits",
     "LoopFilter",
@@ -137,9 +142,11 @@ __all__ = [
     "driven_far_beyond",
     "effect",
     "effect_of_fading",
+    "effect_of_field",
     "effect_of_lag",
     "effect_of_modes",
     "explained",
+    "field_of",
     "lags",
     "load_stage",
     "mode_coefficients",
@@ -148,6 +155,7 @@ __all__ = [
     "parse_stage",
     "plays",
     "plays_after",
+    "plays_standing",
     "predict",
     "predict_time_view",
     "provenance_of",

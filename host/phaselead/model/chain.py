@@ -27,10 +27,11 @@ from phaselead.model.effects import (
     Place,
     Signal,
     effect,
+    field_of,
     relaxed_late,
     rewritten,
 )
-from phaselead.model.operator import delayed, respond
+from phaselead.model.operator import delayed, plays_after, respond
 from phaselead.record import Samples
 
 Extra = Sequence[tuple[Effect, Params]]
@@ -57,6 +58,21 @@ def simulate(
     return Chain(axis, t_s, u_V, others_um=others_um, start=start, turned_V=turned_V, remember=0).run(extra, rng=rng)
 
 
+def plays_standing(axis: AxisModel, turned_V: Sequence[float], first_V: float, extra: Extra = ()) -> Samples:
+    """Positions (m,) in V of the plays of a stage that went from rest at 0 V to each of these voltages in turn and
+    stands at the last, as ``simulate`` takes them: were the recorded voltage at the material. Raises BadInput without a
+    time view."""
+    view = _view_of(axis)
+    field = field_of(axis, extra)
+    return plays_after(view, *map(field.at, turned_V), field.at(first_V)) + (first_V - field.at(first_V))
+
+
+def _view_of(axis: AxisModel) -> TimeView:
+    if axis.time is None:
+        raise BadInput("the axis has no time view to simulate; fit it to recordings first")
+    return axis.time
+
+
 class Chain:
     """One record's input through one axis, again and again with other effects.
 
@@ -75,9 +91,7 @@ class Chain:
         turned_V: Sequence[float] | None = None,
         remember: int = 8,
     ) -> None:
-        if axis.time is None:
-            raise BadInput("the axis has no time view to simulate; fit it to recordings first")
-        self._view: TimeView = axis.time
+        self._view = _view_of(axis)
         self._remember = remember
         self._known: dict[_Path, _Passed] = {}
         t, u = np.asarray(t_s, dtype=np.float64), np.asarray(u_V, dtype=np.float64)

@@ -40,7 +40,7 @@ def test_physical_order():
     """Each stage sees what comes before it and nothing of what comes after."""
     order = (
         *("dac_nonlinearity", "delay", "crossover_distortion", "slew_limit", "amplifier_lowpass", "saturation"),
-        *("charge_leakage", "dead_band"),
+        *("charge_leakage", "dead_band", "field_bend"),
         *("hysteresis", "fading_hysteresis", "asymmetric_hysteresis", "rate_dependence", "softening", "creep"),
         *("backlash", "resonance"),
         *(

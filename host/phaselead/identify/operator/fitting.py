@@ -11,6 +11,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.optimize import minimize_scalar
 
+from phaselead.identify.operator.bending import in_best_field
 from phaselead.identify.operator.choosing import BESIDE_FADING, FINEST, choose_basis
 from phaselead.identify.operator.leaving_out import folds_of
 from phaselead.identify.operator.likeliest import likeliest_slopes
@@ -54,6 +55,10 @@ def fit_operator(runs: Sequence[AxisRun], modes: tuple[Mode, ...] = (), lag_s: f
     records = Records(runs, thinned(runs, SEARCH_ROWS, ringing_s=ringing_s(modes)), lag_s=lag_s)
     records, found, messages = from_their_memories(records, modes)
     basis, choices = choose_basis(records, found)
+    bent = in_best_field(records, found)
+    if bent.field != records.field:
+        records, found, messages = from_their_memories(bent, modes)
+        basis, choices = choose_basis(records, found)
     if not basis.equals(found.basis):
         found = records.searched(basis, found.delay_s, found.rest_fraction, found.modes)
         basis, choices = choose_basis(records, found)
@@ -147,7 +152,7 @@ def place_operator(runs: Sequence[AxisRun], known: OperatorFit, modes: tuple[Mod
         runs,
         thinned(runs, SEARCH_ROWS, ringing_s=ringing_s(modes), memories=memories),
         weight_known(known),
-    )
+    ).in_field(known.field_bend)
     fading = len(known.fading_r_V) > 0
     fine, folds = records.basis(*FINEST, fading=fading), folds_of(records.fits)
     found = records.at(fine, known.view.delay_s, known.view.rest_fraction, modes)
@@ -218,7 +223,7 @@ def _of_all_rows(
     """The result where a search on fewer rows ended that began with these ``modes``."""
     memories = [f.turned_V for f in records.fits]
     fits = thinned(records.runs, MOST_ROWS, ringing_s=ringing_s(modes), memories=memories)
-    full = replace(records, fits=fits).behind_a_lag(records.fits[0].lag_s)
+    full = replace(records, fits=fits).behind_a_lag(records.fits[0].lag_s).in_field(records.field.bend)
     best = full.at(found.basis, found.delay_s, found.rest_fraction, found.modes)
     return _result(full, likeliest_slopes(full.fits, best, full.offset_weight), choices, messages)
 
@@ -231,8 +236,9 @@ def _result(records: Records, solution: Solution, choices: Sequence[Choice], mes
         solution = replace(solution, at_rest_um=at_rest_um)
         residuals = [solution.residual(f) for f in fits]
     unexplained = [e - e.mean() for e in residuals] if records.own_offsets else residuals
+    view = solution.time_view(1.0 / fits[0].run.step_s, unexplained)
     return OperatorFit(
-        solution.time_view(1.0 / fits[0].run.step_s, unexplained),
+        view.model_copy(update={"u_range_V": records.span_V}),
         standard_errors(fits, solution, residuals),
         tuple(RecordResidual.of(f, e, own_offset=records.own_offsets) for f, e in zip(fits, residuals, strict=True)),
         tuple(choices),
@@ -243,4 +249,5 @@ def _result(records: Records, solution: Solution, choices: Sequence[Choice], mes
         fits[0].lag_s,
         0.0,
         *solution.fading(),
+        records.field.bend,
     )

@@ -13,7 +13,7 @@ from phaselead.identify.operator.regressors import FEWEST_ROWS, Basis, FitRun, T
 from phaselead.identify.operator.solution import REST_STEP, Solution, best_operator, best_slopes
 from phaselead.identify.operator.starting_memories import settled_of
 from phaselead.identify.runs import AxisRun, longest_delay_s, period_s
-from phaselead.model import LONGEST_DELAY_S, Mode
+from phaselead.model import LONGEST_DELAY_S, Field, Mode
 
 LONGEST_DELAY = 0.1
 """Of a period."""
@@ -36,6 +36,21 @@ class Records:
         return replace(self, fits=[replace(f, lag_s=lag_s) for f in self.fits])
 
     @property
+    def field(self) -> Field:
+        """That the operator answers to."""
+        return self.fits[0].field
+
+    def in_field(self, bend: float) -> Records:
+        """The same where the field over all their voltages bends."""
+        field = Field(bend, self.span_V)
+        return replace(self, fits=[replace(f, field=field) for f in self.fits])
+
+    @property
+    def span_V(self) -> tuple[float, float]:
+        """All their voltages."""
+        return min(float(r.u_V.min()) for r in self.runs), max(float(r.u_V.max()) for r in self.runs)
+
+    @property
     def own_offsets(self) -> bool:
         """Whether each has an offset of its own."""
         return self.offset_weight == 0
@@ -50,9 +65,8 @@ class Records:
         return min(max(of_periods, 2 * self.lag_s), *(longest_delay_s(r) for r in self.runs), LONGEST_DELAY_S)
 
     def basis(self, n_plays: int, n_segments: int, *, fading: bool = False) -> Basis:
-        low = min(float(r.u_V.min()) for r in self.runs)
-        high = max(float(r.u_V.max()) for r in self.runs)
-        swing = max(float(np.ptp(r.u_V[r.scored])) for r in self.runs)
+        low, high = map(self.field.at, self.span_V)
+        swing = max(float(np.ptp(self.field.at(r.u_V[r.scored]))) for r in self.runs)
         return nested_basis(swing, low, high, n_plays, n_segments, fading=fading)
 
     def at(self, basis: Basis, delay_s: float, rest_fraction: float, modes: tuple[Mode, ...] = ()) -> Solution:

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from phaselead.compiled import kernel_of
 from phaselead.identify.runs import AxisRun, jumps, period_s, turning_rows
-from phaselead.model import Mode, TimeView, behind_modes, relaxed_late, state_after
+from phaselead.model import EVEN, Field, Mode, TimeView, behind_modes, relaxed_late, state_after
 from phaselead.record import Samples
 
 AFTER_JUMP = 0.1
@@ -213,6 +213,8 @@ class FitRun:
     """Memory at the start: None is from rest, by a step in the first row; else it stood there, after these turns."""
     lag_s: float = 0.0
     """Time constant of a low-pass in front of the operator."""
+    field: Field = EVEN
+    """That the operator answers to."""
 
     def with_start(self) -> FitRun:
         """The same with rows from the first that is scored on, as dense as the others: how a record begins tells most
@@ -232,13 +234,16 @@ class FitRun:
 
     @cached_property
     def _record(self) -> RecordInC:
-        return RecordInC(self.run.u_V, self._before_V, self.run.turning_rows, self.rows, self.position())
+        return self._in_C(self.rows, self.position())
 
     @cached_property
     def _whole_record(self) -> RecordInC:
-        run = self.run
-        rows = np.arange(len(run.u_V), dtype=np.uintp)
-        return RecordInC(run.u_V, self._before_V, run.turning_rows, rows, run.x_um)
+        return self._in_C(np.arange(len(self.run.u_V), dtype=np.uintp), self.run.x_um)
+
+    def _in_C(self, rows: NDArray[np.uintp], x_um: Samples) -> RecordInC:
+        """A field turns where its voltage does."""
+        driven_V, before_V = self.field.at(self.run.u_V), self.field.at(self._before_V)
+        return RecordInC(driven_V, before_V, self.run.turning_rows, rows, x_um)
 
     def fill(
         self,
@@ -271,14 +276,15 @@ class FitRun:
             return
         u_V = np.concatenate([[self._before_V], self.run.u_V])
         late_V = relaxed_late(u_V, [self.lag_s], self.run.step_s, delay_s)[1:]
-        record.with_voltage(late_V, turning_rows(late_V)).fill(out, 0.0, basis, start)
+        record.with_voltage(self.field.at(late_V), turning_rows(late_V)).fill(out, 0.0, basis, start)
 
     def _start(self, basis: Basis, rest_fraction: float) -> Start:
         plays_V, fading = rest_fraction * basis.play_r_V, np.full(len(basis.fading_r_V), -rest_fraction)
         if self.turned_V is not None:
-            for turn_V in self.turned_V:
+            turned_V = [*map(self.field.at, self.turned_V)]
+            for turn_V in turned_V:
                 plays_V = np.clip(plays_V, turn_V - basis.play_r_V, turn_V + basis.play_r_V)
-            fading = state_after([0.0, *self.turned_V, self._before_V], basis.fading_r_V, fading)
+            fading = state_after([0.0, *turned_V, self.field.at(self._before_V)], basis.fading_r_V, fading)
         return Start(plays_V, fading)
 
     @cached_property

@@ -57,7 +57,7 @@ def start(signal: Signal, r: Samples) -> Samples:
     if signal.plays_V is None or view is None:
         return at_rest
     if signal.turned_V is not None:
-        return state_after([0.0, *signal.turned_V, float(signal.u_V[0])], r, at_rest)
+        return state_after([0.0, *map(signal.field.at, signal.turned_V), float(signal.driven_V[0])], r, at_rest)
     lag_V = float(signal.driven_V[0]) - signal.start_plays_V
     return np.array([state_like_plays(one, view.play_r_V, lag_V) for one in r])
 

@@ -19,6 +19,7 @@ from phaselead.model.effects.filters import Mode
 from phaselead.model.effects.parameters import CheckedParameters, Parameter, Params, Value, number, numbers
 from phaselead.model.effects.place import MODES_FROM, Place
 from phaselead.model.effects.virtual import VirtualAxis
+from phaselead.model.field import EVEN, Field
 from phaselead.model.operator import range_um, rest_plays, rest_position_um
 from phaselead.model.sections import Undone
 from phaselead.nearest import nearest
@@ -125,6 +126,11 @@ class Signal:
     def range_um(self) -> float:
         """Quasi-static travel over the voltages the base was fitted on: what "of range" means."""
         return range_um(self.axis)
+
+    @property
+    def field(self) -> Field:
+        """Over the voltages, as the effects of this run make it."""
+        return next((e.field(params, self.axis) for e, params in self.active if e.field is not None), EVEN)
 
     @cached_property
     def code_grid(self) -> CodeGrid:
@@ -287,6 +293,12 @@ class Effect:
     from_fading: Callable[[Samples, Samples, AxisModel], Params] | None = None
     """The parameters that add fading plays of thresholds (m,) in V and weights (m,) in um/V to the time view of an
     axis. One effect of the catalogue has it: what a fit finds is adopted as that one."""
+
+    field: Callable[[Params, AxisModel], Field] | None = None
+    """The field over the voltages of an axis, of an effect that is that and nothing else."""
+    of_field: Callable[[Field], Params] | None = None
+    """The parameters that make the field this one. One effect of the catalogue has it: what a fit finds is adopted as
+    that one."""
 
     # How a virtual stage has it, tick by tick.
     virtual: Callable[[VirtualAxis, CheckedParameters], None] | None = None
