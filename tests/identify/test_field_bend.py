@@ -7,10 +7,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from any_stage import NO_MODE, held_out, laboratory
+from any_stage import LEAD_S, NO_MODE, held_out, laboratory
 
+from phaselead.device.encode_model import inverse_refusal
+from phaselead.gap.residual import left_um
 from phaselead.identify.fitting import fit
+from phaselead.model.axis import Limits
 from phaselead.model.prediction import predict
+from phaselead.model.stage_file import Stage
 from phaselead.record.recording import AxisRecord
 
 RATE_HZ = 2500.0
@@ -49,7 +53,7 @@ def bend_of(stage):
     return found[0] if found else 0.0
 
 
-def left_um(stage, truth):
+def held_out_um(stage, truth):
     """Rms that the stage leaves of a record that it was not fitted to."""
     record = held_out(truth, RATE_HZ)
     return float(np.std(record.axes["x"].x_um - predict(stage, record).axes["x"].x_um))
@@ -70,7 +74,7 @@ def test_a_bend_of_the_field_is_found_and_predicts(bend):
     assert bend_of(stage) == pytest.approx(bend, abs=0.01)
     assert "field bend" in str(report.time["x"])
     assert "field_bend" in " ".join(report.messages)
-    assert left_um(stage, truth) < 1.3 * left_um(fit(laboratory(EVEN, RATE_HZ, only=RECORDS))[0], EVEN)
+    assert held_out_um(stage, truth) < 1.3 * held_out_um(fit(laboratory(EVEN, RATE_HZ, only=RECORDS))[0], EVEN)
 
 
 @pytest.mark.parametrize("memory", [plays, plays_and_curve])
@@ -80,10 +84,39 @@ def test_a_field_that_rises_evenly_has_none(memory):
     assert bend_of(stage) == 0
 
 
-def test_loops_of_one_size_tell_no_bend():
-    """What else may make a loop uneven does so there too."""
-    stage, _ = fit(laboratory(replace(NO_MODE, memory=plays_of(0.1)), RATE_HZ, only=("sine",)))
-    assert bend_of(stage) == 0
+@pytest.mark.parametrize("first", [0, 800, 2100])
+def test_loops_of_one_size_tell_no_bend(first):
+    """What else may make a loop uneven does so there too; wherever the record begins."""
+    (record,) = laboratory(replace(NO_MODE, memory=plays_of(0.1)), RATE_HZ, only=("sine",))
+    u, x = (values[first:] for values in (record.axes["x"].u_V, record.axes["x"].x_um))
+    cut = replace(record, t_s=record.t_s[: len(u)], axes={"x": AxisRecord(u, x)})
+    assert bend_of(fit([cut])[0]) == 0
+
+
+@pytest.mark.parametrize("shift_V", [-5.0, -3.0, 20.0])
+def test_it_is_the_same_wherever_0_V_is(shift_V):
+    """Records that begin behind their full loop, where the stage comes from the other end."""
+    truth = replace(NO_MODE, memory=plays_of(0.1))
+    records = laboratory(truth, RATE_HZ, only=RECORDS)
+    moved = [behind_loop(record, shift_V) for record in records]
+    stage, _ = fit(moved)
+    view = stage.axis("x").time
+    assert view.u_range_V[0] == pytest.approx(shift_V)
+    assert bend_of(stage) == pytest.approx(0.1 * np.ptp(view.u_range_V) / truth.span_V, abs=0.015)
+    assert left_um(Stage(name="rig", axes=stage.axes), moved) < 0.002 * 100
+    assert inverse_refusal(stage.axis("x").model_copy(update={"limits": wide(view)})) is None
+
+
+def behind_loop(record, shift_V):
+    """The record from where its full loop ends, other voltages for the same field."""
+    u, x = (values[round(LEAD_S * RATE_HZ) :] for values in (record.axes["x"].u_V, record.axes["x"].x_um))
+    return replace(record, t_s=record.t_s[: len(u)], axes={"x": AxisRecord(u + shift_V, x)})
+
+
+def wide(view):
+    """Limits as wide as the voltages of the fit."""
+    low, high = view.u_range_V
+    return Limits(u_min_V=low, u_max_V=high, u_park_V=low)
 
 
 def test_a_sensor_turned_round_shows_the_same_bend():

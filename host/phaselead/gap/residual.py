@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.interpolate import CubicSpline
 
+from phaselead.errors import BadInput
 from phaselead.gap.records import GapRun, complete_axes, run_of
 from phaselead.identify import Turns, starting_memory
 from phaselead.model import AxisModel, Chain, Entry, Extra, Place, Stage, effect, plays_standing, respond, rest_plays
@@ -100,10 +101,15 @@ def modelled_run(axis: AxisModel, run: GapRun) -> ModelledRun:
 
 
 def left_um(stage: Stage, records: Sequence[Recording]) -> float:
-    """RMS in um that a model leaves of records, each about its own offset and from the memory that suits it best: the
-    gap before, were these held out."""
-    runs = [run_of(record, axis, "holdout") for record in records for axis in complete_axes(record)]
-    errors = [modelled_run(stage.axes[run.axis], run).error() for run in runs if run.axis in stage.axes]
+    """RMS in um that a model leaves of records, axis by axis, each about its own offset and from the memory that suits
+    it best: the gap before, were these held out. Raises BadInput where no record has an axis with a time view."""
+    known = [axis for axis, model in stage.axes.items() if model.time is not None]
+    runs = [run_of(record, axis, "holdout") for record in records for axis in complete_axes(record) if axis in known]
+    if not runs:
+        raise BadInput(
+            f"no record has an axis of which stage {stage.name!r} has a time view; fit it to recordings first"
+        )
+    errors = [modelled_run(stage.axes[run.axis], run).error() for run in runs]
     return float(np.sqrt(np.mean(np.concatenate([error - error.mean() for error in errors]) ** 2)))
 
 

@@ -56,7 +56,7 @@ def select_effects(
     left = [effect for effect in effects if memory is None or effect.name != memory.effect.name]
     referenced = any(run.role == "reference" for run in runs)
     of_runs = [modelled_run(base, run) for run in runs]
-    # Reference records vouch for no more of the base than they move.
+    # Where references do not move a play or a bend of the base, a difference there may be the base's.
     likelihood = likelihood_of(of_runs, base_may_be_off=referenced or not frozen, open_plays=memory is not None)
     contest = search_sets(likelihood, [*left, *nameless], lambda share: on_progress(0.1 + 0.9 * share))
     names = frozenset(effect.name for effect in nameless)

@@ -295,12 +295,10 @@ def _about_lag(axis: str, found: OperatorFit) -> list[str]:
 def _about_field(axis: str, found: OperatorFit) -> list[str]:
     if not found.field_bend:
         return []
-    bend = found.field_bend
-    return [
-        f"axis {axis}: the field rises {1 - 2 * bend:.3g} times as fast as the voltage at the lower end of its range, "
-        f"{1 + 2 * bend:.3g} times at the upper: loops differ in size; adopted as effect "
-        f"{effect_of_field(Field(bend, found.view.u_range_V))[0].name}"
-    ]
+    effect, params = effect_of_field(Field(found.field_bend, found.view.u_range_V))
+    assert effect.reads is not None
+    said = effect.reads(params, AxisModel(time=found.view))
+    return [f"axis {axis}: {said}; adopted as effect {effect.name}"]
 
 
 def _duration(time_s: float) -> str:

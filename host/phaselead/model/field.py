@@ -3,29 +3,39 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TypeVar
+
+import numpy as np
+from numpy.typing import ArrayLike
 
 from phaselead.record import Samples
-
-V = TypeVar("V", float, Samples)
 
 
 @dataclass(frozen=True)
 class Field:
-    """The field over a span of voltages, in volts of the field of an even one: v + bend (v^2 - 2 v_mid v) / (U/2).
+    """The field over a span of voltages, in volts of an even one: v + bend (U/2) s^2 less its value at 0 V, where s is
+    -1 to 1 over the span; beyond the span it goes straight on.
 
-    It is 0 at 0 V. From one end of the span to the other its slope changes from 1 - 2 bend to 1 + 2 bend.
+    From one end of the span to the other its slope changes from 1 - 2 bend to 1 + 2 bend.
     """
 
     bend: float = 0.0
     span_V: tuple[float, float] = (-1.0, 1.0)
 
-    def at(self, v: V) -> V:
+    def of(self, u_V: ArrayLike) -> Samples:
         """At voltages in V, of the same shape."""
-        if not self.bend:
-            return v
+        v = np.asarray(u_V, dtype=np.float64)
+        return v + self._bent_V(v) - self._bent_V(np.zeros(())) if self.bend else v
+
+    def at(self, u_V: float) -> float:
+        """At one voltage in V."""
+        return float(self.of(u_V))
+
+    def _bent_V(self, v: Samples) -> Samples:
         low, high = self.span_V
-        return v + self.bend * (v * v - (low + high) * v) * (2 / (high - low))
+        half = (high - low) / 2
+        s = (v - (low + high) / 2) / half
+        inside = np.clip(s, -1.0, 1.0)
+        return np.asarray(self.bend * half * inside * (2 * s - inside))
 
 
 EVEN = Field()

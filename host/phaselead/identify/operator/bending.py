@@ -12,24 +12,26 @@ from phaselead.identify.operator.records import Records, searched_from
 from phaselead.identify.operator.session import SEARCH
 from phaselead.identify.operator.solution import Solution
 
-FIRST_BEND = 0.02
-"""Tried to either side: where a bend explains most of what is left, a tenth of the largest gains a fifth of that."""
+TRIED = (-0.1, -0.02, 0.02, 0.1)
+"""Bends that are tried first: where one explains most of what is left, the nearest of them gains a good part of that."""
+ABOUT = 0.02
+"""Within which the best bend of few plays is searched again with the most."""
 LARGEST_BEND = 0.2
-"""As in the catalogue of effects."""
+"""As in the catalogue of effects. One that comes within ``ABOUT`` of it is none: more may be what is there."""
 PRECISE = 1e-3
 """How finely the best one is searched: a thousandth of half the range."""
 BEND_PAYS = 0.9
 """A bend stays in when the squared residual with it is less than this share of that without, as a mode does."""
 SMALL_LOOP = (0.1, 0.5)
-"""Of the largest swing: loops that tell a bend of the field, which makes them wider at one end of the range, from what
-else may make one loop uneven."""
+"""Of the largest swing, chosen: loops that tell a bend of the field, which makes them wider at one end of the range,
+from what else may make one loop uneven."""
 ROUNDS = 5
 """In which the bend and the operator that goes with it are searched in turn, at most."""
 
 
 def in_best_field(records: Records, found: Solution) -> Records:
     """The records in the field in which an operator and the modes of ``found`` leave least of them; as they are where
-    no bend pays, or none can be told. One as large as it may be is none.
+    no bend pays, or none can be told.
 
     It is searched with few plays and segments, and judged with the most: what a bend makes up for where these lie
     wrong is no bend.
@@ -45,23 +47,26 @@ def in_best_field(records: Records, found: Solution) -> Records:
         found = searched_from(bent, replace(found, basis=bent.basis(*SEARCH)))
     if not bent.field.bend:
         return records
-    about = bent.field.bend - FIRST_BEND, bent.field.bend + FIRST_BEND
+    about = bent.field.bend - ABOUT, bent.field.bend + ABOUT
     bend = _best_bend(bent, found, FINEST, about)
     pays = _squares(records, found, FINEST, bend) < BEND_PAYS * _squares(records, even, FINEST, 0.0)
-    return records.in_field(bend) if pays and abs(bend) < LARGEST_BEND - FIRST_BEND else records
+    return records.in_field(bend) if pays and abs(bend) < LARGEST_BEND - ABOUT else records
 
 
 def _has_small_loops(records: Records) -> bool:
-    """Whether the voltage turns round in swings of several sizes."""
-    swings_V = np.concatenate([np.abs(np.diff(r.u_V[r.turning_rows])) for r in records.runs])
+    """Whether the voltage turns round in small swings, from turn to turn, at places that are apart by as much."""
+    turns = [r.u_V[r.turning_rows] for r in records.runs]
+    swings_V = np.concatenate([np.abs(np.diff(turned_V)) for turned_V in turns])
+    middles_V = np.concatenate([(turned_V[1:] + turned_V[:-1]) / 2 for turned_V in turns])
     least, most = (share * float(swings_V.max(initial=0.0)) for share in SMALL_LOOP)
-    return bool(((swings_V > least) & (swings_V < most)).any())
+    small_V = middles_V[(swings_V > least) & (swings_V < most)]
+    return bool(len(small_V) and np.ptp(small_V) > least)
 
 
 def _bounds(records: Records, found: Solution) -> tuple[float, float]:
     """Between which the best bend lies; both 0 where none pays."""
     even = _squares(records, found, SEARCH, 0.0)
-    tried = {bend: _squares(records, found, SEARCH, bend) for bend in (-FIRST_BEND, FIRST_BEND)}
+    tried = {bend: _squares(records, found, SEARCH, bend) for bend in TRIED}
     first = min(tried, key=tried.__getitem__)
     if not tried[first] < BEND_PAYS * even:
         return 0.0, 0.0

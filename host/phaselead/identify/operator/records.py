@@ -66,7 +66,7 @@ class Records:
 
     def basis(self, n_plays: int, n_segments: int, *, fading: bool = False) -> Basis:
         low, high = map(self.field.at, self.span_V)
-        swing = max(float(np.ptp(self.field.at(r.u_V[r.scored]))) for r in self.runs)
+        swing = max(float(np.ptp(self.field.of(r.u_V[r.scored]))) for r in self.runs)
         return nested_basis(swing, low, high, n_plays, n_segments, fading=fading)
 
     def at(self, basis: Basis, delay_s: float, rest_fraction: float, modes: tuple[Mode, ...] = ()) -> Solution:

@@ -242,8 +242,8 @@ class FitRun:
 
     def _in_C(self, rows: NDArray[np.uintp], x_um: Samples) -> RecordInC:
         """A field turns where its voltage does."""
-        driven_V, before_V = self.field.at(self.run.u_V), self.field.at(self._before_V)
-        return RecordInC(driven_V, before_V, self.run.turning_rows, rows, x_um)
+        driven_V = self.field.of(self.run.u_V)
+        return RecordInC(driven_V, self.field.at(self._before_V), self.run.turning_rows, rows, x_um)
 
     def fill(
         self,
@@ -276,7 +276,7 @@ class FitRun:
             return
         u_V = np.concatenate([[self._before_V], self.run.u_V])
         late_V = relaxed_late(u_V, [self.lag_s], self.run.step_s, delay_s)[1:]
-        record.with_voltage(self.field.at(late_V), turning_rows(late_V)).fill(out, 0.0, basis, start)
+        record.with_voltage(self.field.of(late_V), turning_rows(late_V)).fill(out, 0.0, basis, start)
 
     def _start(self, basis: Basis, rest_fraction: float) -> Start:
         plays_V, fading = rest_fraction * basis.play_r_V, np.full(len(basis.fading_r_V), -rest_fraction)

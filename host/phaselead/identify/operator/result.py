@@ -96,7 +96,8 @@ class OperatorFit:
     """How far the field bends that the operator answers to, of half the voltage range."""
 
     def beside_view(self) -> list[Entry]:
-        """What belongs to the operator and the time view does not hold, as effects: a lag, and what fades."""
+        """What belongs to the operator and the time view does not hold, as effects: a lag, a bent field, and what
+        fades."""
         found = [effect_of_lag(self.lag_s)] if self.lag_s else []
         if self.field_bend:
             found.append(effect_of_field(Field(self.field_bend, self.view.u_range_V)))

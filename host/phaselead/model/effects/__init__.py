@@ -20,13 +20,13 @@ from phaselead.model.effects.filters import (
     resonant,
     second_order_residual,
 )
-from phaselead.model.effects.interface import Effect, Entry, ModePart, Params, Signal, rewritten
+from phaselead.model.effects.interface import Effect, Entry, ModePart, Params, Signal, field_among, rewritten
 from phaselead.model.effects.mode_bank import Complex, modes_of, shares, state_weights, states, states_and_slopes
 from phaselead.model.effects.parameters import CheckedParameters, Parameter, Value
 from phaselead.model.effects.place import MODES_FROM, Place
 from phaselead.model.effects.softening import push_level
 from phaselead.model.effects.virtual import NotPlayed, VirtualAxis
-from phaselead.model.field import EVEN, Field
+from phaselead.model.field import Field
 from phaselead.nearest import nearest
 from phaselead.record import Samples
 
@@ -110,7 +110,7 @@ def effect_of_field(field: Field) -> Entry:
 def field_of(axis: AxisModel, extra: Sequence[Entry] = ()) -> Field:
     """The field over the voltages of an axis, as its effects, or those of ``extra``, make it."""
     entries = [*((effect(e.name), e.params) for e in axis.effects), *extra]
-    return next((e.field(e.complete(params), axis) for e, params in entries if e.field is not None), EVEN)
+    return field_among(entries, axis)
 
 
 def effect_of_fading(r_V: Samples, w_um_per_V: Samples, axis: AxisModel) -> Entry:

@@ -130,7 +130,7 @@ class Signal:
     @property
     def field(self) -> Field:
         """Over the voltages, as the effects of this run make it."""
-        return next((e.field(params, self.axis) for e, params in self.active if e.field is not None), EVEN)
+        return field_among(self.active, self.axis)
 
     @cached_property
     def code_grid(self) -> CodeGrid:
@@ -153,6 +153,11 @@ class Signal:
         """The voltage at the hysteresis, -1..1 over the voltages the base was fitted on."""
         low, high = self.span_V
         return (2 * self.driven_V - (low + high)) / (high - low)
+
+
+def field_among(entries: Sequence[Entry], axis: AxisModel) -> Field:
+    """The field over the voltages of an axis, as the first of some effects says that makes one."""
+    return next((e.field(e.complete(params), axis) for e, params in entries if e.field is not None), EVEN)
 
 
 @dataclass(frozen=True)
