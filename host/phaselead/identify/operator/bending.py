@@ -13,7 +13,7 @@ from phaselead.identify.operator.session import SEARCH
 from phaselead.identify.operator.solution import Solution
 
 TRIED = (-0.1, -0.02, 0.02, 0.1)
-"""Bends that are tried first: where one explains most of what is left, the nearest of them gains a good part of that."""
+"""Bends tried first: where one explains most of what is left, the nearest of them gains a good part of that."""
 ABOUT = 0.02
 """Within which the best bend of few plays is searched again with the most."""
 LARGEST_BEND = 0.2
