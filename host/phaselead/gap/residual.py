@@ -6,24 +6,25 @@ projected out of everything that is compared, the memory's shrunk to how far a p
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cache, cached_property
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from phaselead.errors import BadInput
 from phaselead.gap.records import GapRun, complete_axes, run_of
-from phaselead.identify import Turns, starting_memory
-from phaselead.model import AxisModel, Chain, Entry, Extra, Place, Stage, effect, plays_standing, respond, rest_plays
+from phaselead.identify import Turns, starting_memory, way_before
+from phaselead.model import AxisModel, Chain, Entry, Extra, Place, Stage, effect, plays, plays_standing, rest_plays
 from phaselead.record import Recording, Samples
 
-MEMORY_ROWS = 20_000
+MEMORY_ROWS = 4000
 """Most rows of a record on which starting memories are compared; of longer ones some are left out."""
 TURNING_POINTS = 15
-"""How many last turning points are tried, from the lowest to the highest voltage of model and record."""
+"""How many voltages at which it may have turned are tried, from the lowest to the highest of model and record."""
 PLAY_SPREAD = 0.5
 """Standard deviation of a play's start about its best guess, in thresholds: its prior as a nuisance."""
 FADING_MEMORY = 0.25
@@ -36,6 +37,9 @@ SMALL_V_SHARE = 0.02
 """Of the voltages that the base was fitted on: a change that is small beside the thresholds of its larger plays."""
 PERIODIC = 0.98
 """Correlation with itself a period later from which a voltage counts as periodic."""
+
+
+Index = NDArray[np.intp]
 
 
 class Began(NamedTuple):
@@ -92,8 +96,8 @@ class ModelledRun:
 
 
 def modelled_run(axis: AxisModel, run: GapRun) -> ModelledRun:
-    """The run under the model of its axis, which has a time view, from the best simple memory: from rest, or from one
-    turning point. A stage at rest may have been switched to the first voltage in the first row, or have stood there for
+    """The run under the model of its axis, which has a time view, from the best simple memory: from rest, or after up
+    to four turns. A stage at rest may have been switched to the first voltage in the first row, or have stood there for
     long: whichever leaves less of the record."""
     assert axis.time is not None
     began = _best_start(axis, run)
@@ -126,13 +130,15 @@ def _at_plays(axis: AxisModel, run: GapRun, began: Began | None) -> tuple[Sample
 
 
 def _best_start(axis: AxisModel, run: GapRun) -> Began | None:
-    """The memory at the start of the record, from the best last turning point; None is a step from rest."""
+    """The memory at the start of the record, from the best way that the stage may have come; None is a step from
+    rest."""
     view, u = axis.time, run.u_V
     assert view is not None
     rows = np.arange(run.start, run.stop, max(1, len(u) // MEMORY_ROWS))
+    first_V = float(u[0])
 
     def began(turned_V: Turns) -> Began:
-        return Began(plays_standing(axis, turned_V, float(u[0])), turned_V)
+        return Began(plays_standing(axis, turned_V, first_V), turned_V)
 
     def left(start: Began | None) -> Samples:
         return np.asarray((run.x_um - _chain(axis, run, start).run())[rows])
@@ -144,29 +150,43 @@ def _best_start(axis: AxisModel, run: GapRun) -> Began | None:
     at_rest = None if stepped_variance < (1 - ALIKE) * stood_variance else stood
     if not view.play_r_V:
         return at_rest
-    stood_um = _operator_um(axis, run, stood)[rows]
+    operator_um = _fading_um if _remembering(axis) else _plays_um
+    of_start = operator_um(axis, run, stood, rows)
+    stood_um = of_start(stood)
 
     def variance(turned_V: Turns | None) -> float:
-        if turned_V is None:
+        if not turned_V:
             return min(stood_variance, stepped_variance)
-        return float(np.var(stood_left - (_operator_um(axis, run, began(turned_V))[rows] - stood_um)))
+        return float(np.var(stood_left - (of_start(began(turned_V)) - stood_um)))
 
     low, high = min(view.u_range_V[0], float(u.min())), max(view.u_range_V[1], float(u.max()))
     points = np.linspace(low, high, TURNING_POINTS).tolist()
-    turned_V = (
-        starting_memory(variance, points, FADING_MEMORY) if _remembering(axis) else starting_memory(variance, points)
-    )
-    return at_rest if turned_V is None else began(turned_V)
+    if _remembering(axis):
+        turned_V = starting_memory(variance, points, FADING_MEMORY)
+    else:
+        turned_V = way_before(cache(variance), points, first_V)
+    return began(turned_V) if turned_V else at_rest
 
 
-def _operator_um(axis: AxisModel, run: GapRun, began: Began | None) -> Samples:
-    """Answer (n,) in um of the plays, and of the base's effects that remember where they turned."""
+def _plays_um(axis: AxisModel, run: GapRun, stood: Began, rows: Index) -> Callable[[Began], Samples]:
+    """Answer (rows,) in um of the plays of the time view from any start in which the stage stood at its first voltage,
+    but for what does not depend on it.
+
+    Each row of a voltage takes a play into v - r to v + r, and so do all of them together into some other interval,
+    which is found from a start far below and one far above.
+    """
     view = axis.time
     assert view is not None
-    if _remembering(axis):
-        return _chain(axis, run, began).signal_at(Place.HYSTERESIS).value[1:]
-    v, offset_V = _at_plays(axis, run, began)
-    return respond(view, v, offset_V + (rest_plays(view) if began is None else began.plays_V))[0]
+    v, offset_V = _at_plays(axis, run, stood)
+    r, w = np.asarray(view.play_r_V), np.asarray(view.play_w_um_per_V)
+    at, far_V = rows.astype(np.uintp), np.ptp(v) + abs(v).max() + 2 * r
+    low, high = (plays(v, r, start, at)[0] for start in (-far_V, far_V))
+    return lambda began: np.clip(offset_V + began.plays_V, low, high) @ w
+
+
+def _fading_um(axis: AxisModel, run: GapRun, stood: Began, rows: Index) -> Callable[[Began], Samples]:
+    """The same of plays and of the base's effects that remember where they turned."""
+    return lambda began: _chain(axis, run, began).signal_at(Place.HYSTERESIS).value[1:][rows]
 
 
 def _remembering(axis: AxisModel) -> list[Entry]:

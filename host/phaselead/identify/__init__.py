@@ -19,7 +19,7 @@ from phaselead.identify.modal import (
     frequency_response,
     score_test,
 )
-from phaselead.identify.operator import Turns, effective_rows, fit_plays, play_thresholds, starting_memory
+from phaselead.identify.operator import Turns, effective_rows, fit_plays, play_thresholds, starting_memory, way_before
 from phaselead.identify.plan import HELD_OUT, Experiment, plan_as_time_allows, plan_of, plan_seconds
 from phaselead.identify.runs import DRIVEN_SHARE, SAME_RATE, STILL_V, AxisRun, SineDrive
 from phaselead.identify.table import compare_with_table_1
@@ -69,4 +69,5 @@ __all__ = [
     "score_test",
     "starting_memory",
     "verify",
+    "way_before",
 ]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from phaselead.identify.operator.fitting import fit_linear, fit_operator, place_operator
 from phaselead.identify.operator.regressors import Turns, play_thresholds
 from phaselead.identify.operator.result import OperatorFit, effective_rows
-from phaselead.identify.operator.starting_memories import starting_memory
+from phaselead.identify.operator.starting_memories import starting_memory, way_before
 from phaselead.identify.operator.symmetric_plays import fit_plays
 
 __all__ = [
@@ -18,4 +18,5 @@ __all__ = [
     "place_operator",
     "play_thresholds",
     "starting_memory",
+    "way_before",
 ]

@@ -59,7 +59,7 @@ def way_before(
     squares: Callable[[Turns | None], float],
     turning_points_V: Sequence[float],
     first_V: float,
-    share: float,
+    share: float = LIKELY_MEMORY,
     about: Callable[[Turns], float] | None = None,
 ) -> Turns | None:
     """The voltages at which the stage turned round before a record that begins at ``first_V``: none where it had gone
