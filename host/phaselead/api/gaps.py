@@ -32,9 +32,9 @@ def gap(
     """Finds where model and measurement disagree, names the missing effect or says why not, and adds it.
 
     Effects are fitted to ``train`` and must pay on ``holdout``; ``reference`` are records known to be without what is
-    missing. ``frozen``: whether the base is beyond doubt; by default it is where there are references. ``verify_on`` is
-    a port: the same paths are tracked there under the model before and the one after. The given model is untouched;
-    ``next_model`` of the result holds what was found.
+    missing. ``frozen``: whether the base is kept as it is; by default it is where there are references, which say how
+    far it may be off. ``verify_on`` is a port: the same paths are tracked there under the model before and the one
+    after. The given model is untouched; ``next_model`` of the result holds what was found.
 
     Raises BadInput, one line, for records that cannot be compared and for a ``frozen`` that is neither True, False nor
     None; LinkError at once when ``verify_on`` is no device.

@@ -101,7 +101,7 @@ def search_axis(
 ) -> AxisResult:
     """The whole workflow on one axis; what it finds does not bear the name of the axis yet.
 
-    ``frozen``: whether the base is beyond doubt.
+    ``frozen``: whether the base is kept as it is.
     """
     referenced = any(run.role == "reference" for run in runs)
     shown, beyond_sampling = shown_by(effects, model, runs[0].step_s)
