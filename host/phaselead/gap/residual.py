@@ -40,6 +40,7 @@ PERIODIC = 0.98
 
 
 Index = NDArray[np.intp]
+"""Rows, (k,)."""
 
 
 class Began(NamedTuple):
@@ -185,7 +186,7 @@ def _plays_um(axis: AxisModel, run: GapRun, stood: Began, rows: Index) -> Callab
 
 
 def _fading_um(axis: AxisModel, run: GapRun, stood: Began, rows: Index) -> Callable[[Began], Samples]:
-    """The same of plays and of the base's effects that remember where they turned."""
+    """Answer (rows,) in um of the plays and of the base's effects that remember where they turned."""
     return lambda began: _chain(axis, run, began).signal_at(Place.HYSTERESIS).value[1:][rows]
 
 

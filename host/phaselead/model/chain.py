@@ -59,9 +59,9 @@ def simulate(
 
 
 def plays_standing(axis: AxisModel, turned_V: Sequence[float], first_V: float, extra: Extra = ()) -> Samples:
-    """Positions (m,) in V of the plays of a stage that went from rest at 0 V to each of these voltages in turn and
-    stands at the last, as ``simulate`` takes them: were the recorded voltage at the material. Raises BadInput without a
-    time view."""
+    """Positions (m,) in V of the plays of a stage that went from rest at 0 V to each of ``turned_V`` in turn and stands
+    at ``first_V``, as ``start`` of ``simulate``: counted from there as they are from the field. Raises BadInput without
+    a time view."""
     view = _view_of(axis)
     field = field_of(axis, extra)
     return plays_after(view, *map(field.at, turned_V), field.at(first_V)) + (first_V - field.at(first_V))

@@ -68,7 +68,7 @@ def time_view_of(stage: Stage, axis: str) -> TimeView:
 
 
 def _chain(stage: Stage, recording: Recording, axis: str, stood: bool) -> Chain:
-    time_view_of(stage, axis)
+    time_view_of(stage, axis)  # says which stage has none
     model, u = stage.axis(axis), recording.axes[axis].u_V
     assert u is not None
     if not stood:
