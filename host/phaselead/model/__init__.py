@@ -59,7 +59,6 @@ from phaselead.model.linearised import SmallSignal, small_signal
 from phaselead.model.loop_filter import SECTIONS_IN_LOOP, LoopFilter
 from phaselead.model.operator import (
     plays,
-    plays_after,
     predict_time_view,
     range_um,
     respond,
@@ -154,7 +153,6 @@ __all__ = [
     "out_of_scale",
     "parse_stage",
     "plays",
-    "plays_after",
     "plays_standing",
     "predict",
     "predict_time_view",
