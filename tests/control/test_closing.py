@@ -25,7 +25,6 @@ CASES = [
     ("sensor_lowpass", {"tau_s": 5e-4}, "sine:60um@20Hz", 25),
     ("resonance", {"f_Hz": 150.0, "zeta": 0.02}, "triangle:60um@20Hz", 6),
     ("hysteresis", {"width": 0.12}, "sine:60um@5Hz", 100),
-    ("field_bend", {"bend": 0.08}, "sine:60um@5Hz", 7),
     ("asymmetric_hysteresis", {"bend": 0.03}, "sine:60um@5Hz", 25),
     ("cross_coupling", {"from_y": 0.04}, "x=sine:60um@5Hz,y=sine:60um@7Hz", 25),
     ("creep", {"gamma": 0.03}, "goto:60um", 60),
@@ -49,8 +48,8 @@ def axis(*effects, delay_s=0.0, **changes):
     )
 
 
-def stage(*effects, delay_s=0.0):
-    return Stage(name="s", axes={"x": axis(*effects, delay_s=delay_s), "y": axis(SENSOR, delay_s=delay_s)})
+def stage(*effects, delay_s=0.0, **changes):
+    return Stage(name="s", axes={"x": axis(*effects, delay_s=delay_s, **changes), "y": axis(SENSOR, delay_s=delay_s)})
 
 
 def error_um(path, wave, model, mode):
@@ -76,6 +75,16 @@ def both(tmp_path, name, params, wave, mode):
 def test_knowing_the_effect_makes_tracking_better(tmp_path, name, params, wave, factor):
     without, known = both(tmp_path, name, params, wave, "inverse")
     assert known < without / factor
+
+
+def test_knowing_the_bend_of_the_field_makes_tracking_better(tmp_path):
+    path = tmp_path / "truth.toml"
+    save_stage(path, stage(SENSOR, field_bend=0.08))
+    without, known = (
+        error_um(path, "sine:60um@5Hz", stage(SENSOR, delay_s=STAIRCASE_s, field_bend=bend), "inverse")
+        for bend in (0.0, 0.08)
+    )
+    assert known < without / 7
 
 
 @pytest.mark.parametrize("name", ["delay", "resonance", "hysteresis", "cross_coupling"])

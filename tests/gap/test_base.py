@@ -220,7 +220,7 @@ def test_what_a_model_leaves_is_told_from_where_a_record_began(turns, bend):
     """After loops the plays stand elsewhere than after rest: the model is not to blame for that. Also where they stand
     in a field that is not the voltage."""
     own = a_track().axis
-    axis = own.model_copy(update={"effects": (AdoptedEffect(name="field_bend", params={"bend": bend}), *own.effects)})
+    axis = own.model_copy(update={"time": own.time.model_copy(update={"field_bend": bend})})
     t = np.arange(2000) * STEP_s
     u = 4 + 3 * np.sin(2 * np.pi * 5 * t)
     way = np.interp(np.arange(8000), np.linspace(0, 7000, len(turns) + 2), [0.0, *turns, 4.0])

@@ -290,11 +290,10 @@ def test_a_drift_has_its_mean_rate_from_the_first_training_row_to_the_last_held_
 
 
 def test_every_effect_of_the_catalogue_but_cross_coupling_can_be_hidden():
-    """And but a bend of the field, which most of the stages have."""
     page = (Path(__file__).parents[2] / "docs" / "effects.md").read_text()
     rows = {words[1].strip(" `[]"): words for words in (row.split("|") for row in page.splitlines() if "](#" in row)}
     known = {name.split("`")[0]: words[4].strip() for name, words in rows.items()}
-    assert set(known) - {"cross_coupling", "field_bend"} == set(EFFECTS)
+    assert set(known) - {"cross_coupling"} == set(EFFECTS)
     for name, effect in EFFECTS.items():
         value, _, unit = known[name].partition(" = ")[2].partition(" ")
         assert float(value) == pytest.approx(effect.typical)

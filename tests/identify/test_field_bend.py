@@ -49,8 +49,7 @@ def plays_and_curve(u, span):
 
 def bend_of(stage):
     """Of the field; 0 where it rises evenly."""
-    found = [one.params["bend"] for one in stage.axis("x").effects if one.name == "field_bend"]
-    return found[0] if found else 0.0
+    return stage.axis("x").time.field_bend
 
 
 def held_out_um(stage, truth):
@@ -74,6 +73,7 @@ def test_a_bend_of_the_field_is_found_and_predicts(bend):
     assert bend_of(stage) == pytest.approx(bend, abs=0.01)
     assert "field bend" in str(report.time["x"])
     assert "field_bend" in " ".join(report.messages)
+    assert report.as_dict()["axes"]["x"]["field_bend"] == bend_of(stage)
     assert held_out_um(stage, truth) < 1.3 * held_out_um(fit(laboratory(EVEN, RATE_HZ, only=RECORDS))[0], EVEN)
 
 

@@ -35,6 +35,19 @@ def slow_plays(v: list[float], r: list[float], p: list[float]) -> list[list[floa
     return found
 
 
+def field_V(view: TimeView, u: np.ndarray) -> np.ndarray:
+    """The parabola inside the fitted voltages, its tangents beyond them; 0 V at 0 V."""
+    (low, high), b = view.u_range_V, view.field_bend
+    half, middle = (high - low) / 2, (high + low) / 2
+
+    def bent(v: np.ndarray) -> np.ndarray:
+        inside = v + b / half * (v - middle) ** 2
+        left, right = low + b * half + (1 - 2 * b) * (v - low), high + b * half + (1 + 2 * b) * (v - high)
+        return np.where(v < low, left, np.where(v > high, right, inside))
+
+    return bent(np.asarray(u)) - bent(np.zeros(()))
+
+
 @st.composite
 def views(draw: st.DrawFn) -> TimeView:
     r = draw(thresholds)
@@ -49,7 +62,8 @@ def views(draw: st.DrawFn) -> TimeView:
         offset_um=draw(st.floats(-200, 200)),
         delay_s=draw(st.floats(0, 0.02)),
         rest_fraction=draw(st.floats(-1, 1)),
-        u_range_V=(-10.0, 10.0),
+        field_bend=draw(st.sampled_from([0.0, 0.0, 0.2, -0.1])),
+        u_range_V=draw(st.sampled_from([(-10.0, 10.0), (0.0, 8.0), (2.0, 9.0)])),
         rate_Hz=200.0,
     )
 
@@ -140,8 +154,9 @@ def test_a_record_can_be_continued(v, view, cut):
 def test_plays_that_move_in_turn_add_up(v, view, data):
     """From any start, in touch with each other or not."""
     start = np.array([data.draw(volts) for _ in view.play_r_V])
-    each, end = plays(v, view.play_r_V, start)
     found, same_end = respond(view, v, start)
+    v = field_V(view, v)
+    each, end = plays(v, view.play_r_V, start)
     beyond = np.maximum(v[:, None] - np.array(view.deadzone_d_V), 0.0) @ np.array(view.deadzone_s_um_per_V)
     added = view.offset_um + view.gain_um_per_V * v + each @ np.array(view.play_w_um_per_V) + beyond
     assert np.allclose(found, added, rtol=0, atol=1e-9)
@@ -162,7 +177,7 @@ def test_delay_is_linear_interpolation(u, samples, before):
 def test_prediction_equals_the_formula(u, view):
     t = 3.0 + np.arange(len(u)) / view.rate_Hz
     step = (t[-1] - t[0]) / (len(t) - 1) if len(t) > 1 else 1.0
-    v = delayed(u, view.delay_s / step)
+    v = field_V(view, delayed(u, view.delay_s / step))
     p = np.array(slow_plays(v.tolist(), list(view.play_r_V), rest_plays(view).tolist())).reshape(len(v), -1)
     x = view.offset_um + view.gain_um_per_V * v + p @ np.array(view.play_w_um_per_V)
     for d, s in zip(view.deadzone_d_V, view.deadzone_s_um_per_V, strict=True):

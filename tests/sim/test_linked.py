@@ -107,6 +107,22 @@ def test_an_effect_shows_as_its_equation_says(name):
     assert abs(np.mean(made - meant)) < 0.003 + 0.01 * abs(np.mean(meant))
 
 
+@pytest.mark.parametrize(("bend", "u_range_V"), [(0.2, (0, 10)), (-0.2, (3, 8)), (0.1, (-9, 2))])
+def test_the_field_bends_as_its_equation_says(bend, u_range_V):
+    """Also where the voltage leaves the fitted range, and with friction that fades."""
+    t, u = drive()
+    bent = VIEW.model_copy(update={"field_bend": bend, "u_range_V": u_range_V})
+    effects = (AdoptedEffect(name="fading_hysteresis", params=sizes("fading_hysteresis")), SMOOTH)
+    shown = measure(stage_of(*effects, view=bent), u)[0][:, 0]
+    late = bent.model_copy(update={"delay_s": STAIRS_S})
+    told, even = (
+        simulate(AxisModel(time=view, effects=effects), t, u)
+        for view in (late, late.model_copy(update={"field_bend": 0.0}))
+    )
+    assert np.std(told - even) > 1
+    assert np.std(shown - told) < 0.01
+
+
 @pytest.mark.parametrize("name", ["creep", "resonance", "sensor_lowpass", "delay", "amplifier_lowpass", "hysteresis"])
 def test_what_stands_twice_acts_twice(name):
     t, u = drive()

@@ -18,7 +18,7 @@ from phaselead.control.path_speed import beyond_slew, hardest, refuse_voltage_to
 from phaselead.control.tracking import check_paths, default_duration_s, track
 from phaselead.device import TICK_HZ, Capture, Converters, Device, DeviceFault, converters, device_model
 from phaselead.errors import BadInput, DeviceRefused
-from phaselead.model import AxisModel, Gains, Stage, field_of, respond, rest_plays
+from phaselead.model import AxisModel, Gains, Stage, respond, rest_plays
 from phaselead.sim import virtual_stage
 from phaselead.waveforms import Goto, Streamed, Waveform
 
@@ -146,7 +146,7 @@ def rests_unseen(model: AxisModel) -> str | None:
     """In words where the model rests beyond the rails of its sensor, so that no path and no gains work."""
     view, sensor, rest_V = model.time, model.sensor, model.limits.u_park_V
     assert view is not None
-    at_um = float(respond(view, [field_of(model).at(rest_V)], rest_plays(view))[0][0])
+    at_um = float(respond(view, [rest_V], rest_plays(view))[0][0])
     if sensor.x_min_um < at_um < sensor.x_max_um:
         return None
     return (

@@ -112,14 +112,14 @@ def base_columns(modelled: ModelledRun, open_plays: bool) -> Samples:
     view = modelled.axis.time
     assert view is not None
     signal = modelled.chain.signal_at(Place.AMPLIFIER)
-    v = signal.value
+    v = view.field.of(signal.value)
     slope = mean_slope(modelled.axis)
-    low, high = view.u_range_V
+    low, high = map(view.field.at, view.u_range_V)
     columns = [GAIN_STD * slope * v]
     if view.play_r_V:
         r = play_thresholds(high - low, BASE_PLAYS)
         start = view.rest_fraction * r if modelled.plays_V is None else np.interp(r, view.play_r_V, modelled.plays_V)
-        moved, _ = plays(v, r, np.clip(start + v[0] - signal.u_V[0], v[0] - r, v[0] + r))
+        moved, _ = plays(v, r, np.clip(start + v[0] - view.field.at(signal.u_V[0]), v[0] - r, v[0] + r))
         columns += list(((OPEN_STD if open_plays else PLAY_STD) * slope * moved).T)
     if view.deadzone_d_V:
         knots = np.linspace(low, high, BASE_SEGMENTS + 2)[1:-1]
@@ -151,7 +151,7 @@ def rich_columns(modelled: ModelledRun) -> Samples:
     does."""
     run, view = modelled.run, modelled.axis.time
     assert view is not None
-    v, slope = run.u_V, RICH_STD * mean_slope(modelled.axis)
+    v, slope = view.field.of(run.u_V), RICH_STD * mean_slope(modelled.axis)
     low, high = float(v.min()), float(v.max())
     r = play_thresholds(high - low, RICH_PLAYS)
     rows = np.arange(run.start, run.stop, dtype=np.uintp)

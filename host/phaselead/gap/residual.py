@@ -18,7 +18,7 @@ from scipy.interpolate import CubicSpline
 from phaselead.errors import BadInput
 from phaselead.gap.records import GapRun, complete_axes, run_of
 from phaselead.identify import Turns, starting_memory, way_before
-from phaselead.model import AxisModel, Chain, Entry, Extra, Place, Stage, effect, plays, plays_standing, rest_plays
+from phaselead.model import AxisModel, Chain, Entry, Extra, Place, Stage, effect, plays, plays_after, rest_plays
 from phaselead.record import Recording, Samples
 
 MEMORY_ROWS = 4000
@@ -125,9 +125,12 @@ def _chain(axis: AxisModel, run: GapRun, began: Began | None) -> Chain:
 
 
 def _at_plays(axis: AxisModel, run: GapRun, began: Began | None) -> tuple[Samples, float]:
-    """Voltage (n,) at the plays, and by how much it stood off the recorded one before the record: on a rail, say."""
+    """Field (n,) in V that the plays answer to, and by how much it stood off that of the recorded voltage before the
+    record: on a rail, say."""
     signal = _chain(axis, run, began).signal_at(Place.AMPLIFIER)
-    return signal.value[1:], float(signal.value[0] - signal.u_V[0])
+    assert axis.time is not None
+    v, recorded_V = axis.time.field.of(signal.value), axis.time.field.at(float(signal.u_V[0]))
+    return v[1:], float(v[0]) - recorded_V
 
 
 def _best_start(axis: AxisModel, run: GapRun) -> Began | None:
@@ -139,7 +142,7 @@ def _best_start(axis: AxisModel, run: GapRun) -> Began | None:
     first_V = float(u[0])
 
     def began(turned_V: Turns) -> Began:
-        return Began(plays_standing(axis, turned_V, first_V), turned_V)
+        return Began(plays_after(view, *turned_V, first_V), turned_V)
 
     def left(start: Began | None) -> Samples:
         return np.asarray((run.x_um - _chain(axis, run, start).run())[rows])

@@ -28,12 +28,10 @@ from phaselead.identify.table import compare_with_table_1, comparison_text, lock
 from phaselead.model import (
     AdoptedEffect,
     AxisModel,
-    Field,
     Stage,
     TablePoint,
     TableView,
     effect_of_fading,
-    effect_of_field,
     effect_of_lag,
     effect_of_modes,
     explained,
@@ -86,6 +84,7 @@ class FitReport:
         axes = {
             axis: {
                 "residual_um_rms": result.view.residual_um_rms,
+                "field_bend": result.view.field_bend,
                 "std": {name: [_known(v) for v in values] for name, values in result.std.items()},
                 "records": [vars(record) for record in result.records],
                 "table": [_known_row(vars(row)) for row in compare_with_table_1(self.table[axis])]
@@ -233,7 +232,7 @@ def _axis_model(
     parent: Stage | None, axis: str, time: OperatorFit, table: TableView | None, mode: FittedModes | None
 ) -> AxisModel:
     view = time.view
-    effects = (*_adopted_lag(time), *_adopted_field(time), *_adopted_fading(time))
+    effects = (*_adopted_lag(time), *_adopted_fading(time))
     if mode is not None:
         view, effect = mode.adopted(view)
         effects = (*effects, effect)
@@ -293,12 +292,13 @@ def _about_lag(axis: str, found: OperatorFit) -> list[str]:
 
 
 def _about_field(axis: str, found: OperatorFit) -> list[str]:
-    if not found.field_bend:
+    bend = found.view.field_bend
+    if not bend:
         return []
-    effect, params = effect_of_field(Field(found.field_bend, found.view.u_range_V))
-    assert effect.reads is not None
-    said = effect.reads(params, AxisModel(time=found.view))
-    return [f"axis {axis}: {said}; adopted as effect {effect.name}"]
+    return [
+        f"axis {axis}: its hysteresis answers to a field that rises {1 - 2 * bend:.2g} times as fast at one end of the "
+        f"range, {1 + 2 * bend:.2g} at the other (field_bend of its time view)"
+    ]
 
 
 def _duration(time_s: float) -> str:
@@ -313,14 +313,6 @@ def _adopted_lag(found: OperatorFit) -> tuple[AdoptedEffect, ...]:
     effect, params = effect_of_lag(found.lag_s)
     ci95 = {} if found.lag_ci95_s is None else dict.fromkeys(params, found.lag_ci95_s)
     return (AdoptedEffect(name=effect.name, status="provisional", params=params, ci95=ci95, share=found.lag_share),)
-
-
-def _adopted_field(found: OperatorFit) -> tuple[AdoptedEffect, ...]:
-    """What the operator answers to, where it rises unevenly with the voltage."""
-    if not found.field_bend:
-        return ()
-    effect, params = effect_of_field(Field(found.field_bend, found.view.u_range_V))
-    return (AdoptedEffect(name=effect.name, params=params),)
 
 
 def _adopted_fading(found: OperatorFit) -> tuple[AdoptedEffect, ...]:

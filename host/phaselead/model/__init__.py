@@ -13,7 +13,7 @@ from phaselead.model.axis import (
     Sensor,
     TimeView,
 )
-from phaselead.model.chain import Chain, Extra, plays_standing, simulate
+from phaselead.model.chain import Chain, Extra, simulate
 from phaselead.model.effects import (
     CheckedParameters,
     Complex,
@@ -34,10 +34,8 @@ from phaselead.model.effects import (
     derived_sizes,
     effect,
     effect_of_fading,
-    effect_of_field,
     effect_of_lag,
     effect_of_modes,
-    field_of,
     lags,
     mode_coefficients,
     modes_of,
@@ -53,12 +51,13 @@ from phaselead.model.effects import (
 )
 from phaselead.model.fading import ALIKE as PLAYS_ALIKE
 from phaselead.model.fading import state_after
-from phaselead.model.field import EVEN, Field
+from phaselead.model.field import EVEN, LARGEST_BEND, EffectiveField
 from phaselead.model.inverse import BACKWARDS, KNOTS, PLAYS, SECTIONS, TERMS, Compensation, compensation, coupling
 from phaselead.model.linearised import SmallSignal, small_signal
 from phaselead.model.loop_filter import SECTIONS_IN_LOOP, LoopFilter
 from phaselead.model.operator import (
     plays,
+    plays_after,
     predict_time_view,
     range_um,
     respond,
@@ -89,6 +88,7 @@ __all__ = [
     "EVEN",
     "HOLD_S",
     "KNOTS",
+    "LARGEST_BEND",
     "LATCH_S",
     "LONGEST_DELAY_S",
     "PLAYS",
@@ -108,9 +108,9 @@ __all__ = [
     "Complex",
     "Derived",
     "Effect",
+    "EffectiveField",
     "Entry",
     "Extra",
-    "Field",
     "Gains",
     "Limits",
     "LoopFilter",
@@ -141,11 +141,9 @@ __all__ = [
     "driven_far_beyond",
     "effect",
     "effect_of_fading",
-    "effect_of_field",
     "effect_of_lag",
     "effect_of_modes",
     "explained",
-    "field_of",
     "lags",
     "load_stage",
     "mode_coefficients",
@@ -153,7 +151,7 @@ __all__ = [
     "out_of_scale",
     "parse_stage",
     "plays",
-    "plays_standing",
+    "plays_after",
     "predict",
     "predict_time_view",
     "provenance_of",

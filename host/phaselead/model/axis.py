@@ -10,6 +10,7 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, field_validator, model_validator
 
+from phaselead.model.field import LARGEST_BEND, EffectiveField
 from phaselead.model.fields import Interval95, NotNegative, Number, Numbers, ParameterValue, Part, Positive, Span
 from phaselead.model.loop_filter import SECTIONS_IN_LOOP, LoopFilter
 from phaselead.model.table import TableView
@@ -78,7 +79,7 @@ class Actuator(Part):
 
 
 class TimeView(Part):
-    """x(t) = offset + gain v + sum w_i play_ri[v] + sum s_j max(v - d_j, 0), with v(t) = u(t - delay)."""
+    """x(t) = offset + gain v + sum w_i play_ri[v] + sum s_j max(v - d_j, 0), with v(t) = field(u(t - delay))."""
 
     gain_um_per_V: Number = Field(description="linear gain, um/V")
     play_r_V: Numbers = Field((), description="thresholds of the plays, V, rising")
@@ -89,6 +90,9 @@ class TimeView(Part):
     delay_s: Annotated[NotNegative, Field(le=LONGEST_DELAY_S)] = Field(0.0, description="dead time, s")
     rest_fraction: Annotated[Number, Field(ge=-1, le=1)] = Field(
         0.0, description="plays of a stage at rest at 0 V stand at this fraction of their thresholds"
+    )
+    field_bend: Annotated[Number, Field(ge=-LARGEST_BEND, le=LARGEST_BEND)] = Field(
+        0.0, description="how far the field lags behind the voltage at mid-range, of half the range; 0: it rises evenly"
     )
     u_range_V: Span = Field(description="voltages it was fitted on, V")
     rate_Hz: Positive = Field(description="sampling rate it was fitted at, Hz")
@@ -127,6 +131,11 @@ class TimeView(Part):
             if have != wanted:
                 fault(f"has {have} elements but {thresholds} has {wanted}; give one for each", f".{name}")
         return self
+
+    @property
+    def field(self) -> EffectiveField:
+        """What gain, plays and dead zones answer to; their volts are its volts."""
+        return EffectiveField(self.field_bend, self.u_range_V)
 
 
 class Gains(Part):

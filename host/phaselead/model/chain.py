@@ -27,11 +27,10 @@ from phaselead.model.effects import (
     Place,
     Signal,
     effect,
-    field_of,
     relaxed_late,
     rewritten,
 )
-from phaselead.model.operator import delayed, plays_after, respond
+from phaselead.model.operator import delayed, respond
 from phaselead.record import Samples
 
 Extra = Sequence[tuple[Effect, Params]]
@@ -56,15 +55,6 @@ def simulate(
     from rest. With ``rng``, noise-like effects are drawn. Raises BadInput without a time view.
     """
     return Chain(axis, t_s, u_V, others_um=others_um, start=start, turned_V=turned_V, remember=0).run(extra, rng=rng)
-
-
-def plays_standing(axis: AxisModel, turned_V: Sequence[float], first_V: float, extra: Extra = ()) -> Samples:
-    """Positions (m,) in V of the plays of a stage that went from rest at 0 V to each of ``turned_V`` in turn and stands
-    at ``first_V``, as ``start`` of ``simulate``: counted from there as they are from the field. Raises BadInput without
-    a time view."""
-    view = _view_of(axis)
-    field = field_of(axis, extra)
-    return plays_after(view, *map(field.at, turned_V), field.at(first_V)) + (first_V - field.at(first_V))
 
 
 def _view_of(axis: AxisModel) -> TimeView:

@@ -1,4 +1,4 @@
-"""The field that the material answers to, for a voltage: it need not rise evenly."""
+"""The field that the hysteresis answers to, for a voltage: it need not rise evenly."""
 
 from __future__ import annotations
 
@@ -11,11 +11,12 @@ from phaselead.record import Samples
 
 
 @dataclass(frozen=True)
-class Field:
+class EffectiveField:
     """The field over a span of voltages, in volts of an even one: v + bend (U/2) s^2 less its value at 0 V, where s is
     -1 to 1 over the span; beyond the span it goes straight on.
 
-    From one end of the span to the other its slope changes from 1 - 2 bend to 1 + 2 bend.
+    From one end of the span to the other its slope changes from 1 - 2 bend to 1 + 2 bend. Plays of such an envelope
+    function of the voltage are those of Al Janaideh, Rakheja and Su 2009; here it is a parabola.
     """
 
     bend: float = 0.0
@@ -38,5 +39,7 @@ class Field:
         return np.asarray(self.bend * half * inside * (2 * s - inside))
 
 
-EVEN = Field()
-"""That of a model that says nothing of it."""
+EVEN = EffectiveField()
+"""That of most stages."""
+LARGEST_BEND = 0.2
+"""The slope of the field changes from 0.6 to 1.4 over the span then, or back."""

@@ -12,6 +12,7 @@ from phaselead.errors import BadInput
 from phaselead.model.axis import AdoptedEffect, AxisModel, Limits, TimeView
 from phaselead.model.effects import Entry, Place, effect, rewritten
 from phaselead.model.level_sections import hold, level, looked_at_Hz
+from phaselead.model.operator import in_even_field
 from phaselead.model.sections import PASS, Section
 from phaselead.model.sensor_lag import sensor_lag_s
 from phaselead.model.stage_file import Stage
@@ -101,13 +102,13 @@ def coupling(stage: Stage) -> list[list[float]]:
 def in_time_view(axis: AxisModel, *, partly: bool = False) -> AxisModel:
     """The same axis with every effect that the time view can express in its time view; ``effects`` keeps the others.
 
-    ``partly``: also what it can express of an effect that it cannot express whole; the rest is dropped. Meant for
-    inversion and upload: sizes given as a share of the range belong to the range before. Raises BadInput for
-    parameters that make no sense.
+    ``partly``: also what it can express of an effect, or in dead zones of a bent field, that it cannot express whole;
+    the rest is dropped. Meant for inversion and upload: sizes given as a share of the range belong to the range before.
+    Raises BadInput for parameters that make no sense.
     """
     if axis.time is None:
         return axis
-    view, kept = axis.time, []
+    view, kept = in_even_field(axis.time) if partly else axis.time, []
     for adopted in axis.effects:
         e, params = _entry(adopted)
         whole = e.whole_in_time_view is None or e.whole_in_time_view(params)

@@ -1,8 +1,9 @@
 """The time-domain view of a stage: plays, one-sided dead zones, an offset and a delay.
 
-    x(t) = offset + gain v + sum_i w_i play_{r_i}[v] + sum_j s_j max(v - d_j, 0),   v(t) = u(t - delay)
+    x(t) = offset + gain v + sum_i w_i play_{r_i}[v] + sum_j s_j max(v - d_j, 0),   v(t) = field(u(t - delay))
 
-(Kuhnen 2003, eqs. 5, 8 and 30). Units: V, um, s. "Rest" is 0 V with the plays at ``rest_fraction * r``; the
+(Kuhnen 2003, eqs. 5, 8 and 30; the field, ``field.EffectiveField``, is the voltage itself unless it bends). Units: V,
+um, s. "Rest" is 0 V with the plays at ``rest_fraction * r``; the
 sensor reads ``rest_position_um`` there.
 
 Between rows the voltage runs straight, and before the first row it was 0 V, at rest: a record that begins at
@@ -21,6 +22,9 @@ from numpy.typing import ArrayLike, NDArray
 from phaselead.compiled import kernel_of
 from phaselead.model.axis import AxisModel, TimeView
 from phaselead.record import Samples
+
+PIECES = 20
+"""Straight pieces for a bent field, as many as a fit has segments at most: within 0.3 % of the size of the bend."""
 
 
 class _Operator(ctypes.Structure):
@@ -107,14 +111,14 @@ def rest_plays(view: TimeView) -> Samples:
 def plays_after(view: TimeView, *turned_V: float) -> Samples:
     """Positions of the plays (m,) in V of a stage that went from rest to each of these voltages in turn."""
     r, at_V = doubles(view.play_r_V), rest_plays(view)
-    for u_V in turned_V:
-        at_V = np.clip(at_V, u_V - r, u_V + r)
+    for v in map(view.field.at, turned_V):
+        at_V = np.clip(at_V, v - r, v + r)
     return at_V
 
 
 def respond(view: TimeView, v: ArrayLike, start: ArrayLike) -> tuple[Samples, Samples]:
     """Position (n,) in um for a voltage ``v`` already delayed, from plays ``start``; and where they end."""
-    v, end = doubles(v), np.array(start, dtype=np.float64)
+    v, end = doubles(view.field.of(v)), np.array(start, dtype=np.float64)
     r, w = doubles(view.play_r_V), doubles(view.play_w_um_per_V)
     d, s = doubles(view.deadzone_d_V), doubles(view.deadzone_s_um_per_V)
     if not r.shape == w.shape == end.shape or d.shape != s.shape:
@@ -160,7 +164,7 @@ def ends_um(axis: AxisModel) -> tuple[float, float]:
 
 @lru_cache(maxsize=64)
 def _ends_um(view: TimeView) -> tuple[float, float]:
-    low, high = view.u_range_V
+    low, high = map(view.field.at, view.u_range_V)
     middle = (low + high) / 2
     at_low = at_high = view.offset_um
     at_low += view.gain_um_per_V * low
@@ -177,6 +181,36 @@ def _ends_um(view: TimeView) -> tuple[float, float]:
 def resting_at(view: TimeView, rest_um: float) -> TimeView:
     """The view with the offset that makes it rest at ``rest_um``."""
     return view.model_copy(update={"offset_um": view.offset_um + rest_um - rest_position_um(view)})
+
+
+def in_even_field(view: TimeView) -> TimeView:
+    """The view whose dead zones stand for the bend of its field, as the device has none: the curve without memory that
+    view and field have together where all plays move, as straight pieces.
+
+    After a turn plays that stand still do not feel the bend, which dead zones cannot say; so that the view rises there
+    as well, the bend takes no more than half of the slope that is left then.
+    """
+    if not view.field_bend:
+        return view
+    low, high = view.u_range_V
+    knots = np.linspace(low, high, PIECES + 1)
+    asked, felt = np.diff(knots), np.diff(view.field.of(knots))
+    own = np.diff(_without_plays_um(view, view.field.of(knots))) / asked
+    slopes = own + sum(view.play_w_um_per_V) * (felt / asked - 1)
+    slopes = np.where(own > 0, np.maximum(slopes, own / 2), slopes)
+    update = {
+        "gain_um_per_V": float(slopes[0]),
+        "deadzone_d_V": tuple(knots[1:-1].tolist()),
+        "deadzone_s_um_per_V": tuple(np.diff(slopes).tolist()),
+        "field_bend": 0.0,
+    }
+    return resting_at(view.model_copy(update=update), rest_position_um(view))
+
+
+def _without_plays_um(view: TimeView, v: Samples) -> Samples:
+    """(n,) at a field of (n,) V, without the offset."""
+    bends = zip(view.deadzone_d_V, view.deadzone_s_um_per_V, strict=True)
+    return np.asarray(view.gain_um_per_V * v + sum(s * np.maximum(v - d, 0.0) for d, s in bends))
 
 
 def turned_view(view: TimeView) -> TimeView:

@@ -7,8 +7,9 @@ from dataclasses import replace
 
 from phaselead.errors import BadInput
 from phaselead.model.axis import TimeView
-from phaselead.model.chain import Chain, plays_standing
+from phaselead.model.chain import Chain
 from phaselead.model.effects import Entry, Place, effect_of_shares
+from phaselead.model.operator import plays_after
 from phaselead.model.stage_file import Stage
 from phaselead.record import AXES, AxisRecord, Recording, refuse_gapped
 
@@ -68,12 +69,12 @@ def time_view_of(stage: Stage, axis: str) -> TimeView:
 
 
 def _chain(stage: Stage, recording: Recording, axis: str, stood: bool) -> Chain:
-    time_view_of(stage, axis)  # says which stage has none
+    view = time_view_of(stage, axis)
     model, u = stage.axis(axis), recording.axes[axis].u_V
     assert u is not None
     if not stood:
         return Chain(model, recording.t_s, u)
-    return Chain(model, recording.t_s, u, start=plays_standing(model, (), float(u[0])), turned_V=())
+    return Chain(model, recording.t_s, u, start=plays_after(view, float(u[0])), turned_V=())
 
 
 def _seen(stage: Stage, axis: str, others: Iterable[str]) -> list[Entry]:

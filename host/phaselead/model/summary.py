@@ -117,15 +117,14 @@ def stage_figure(axes: Mapping[Any, AxisModel]) -> Figure:
 
 
 def steady_loop(model: AxisModel) -> AxisRecord:
-    """One period of a slow sine through the time view, without its delay, with the field that it answers to and what
-    the axis has of memory; else through the table view; empty without either."""
+    """One period of a slow sine through the time view, without its delay, with what else the axis has of memory; else
+    through the table view; empty without either."""
     t_s = np.arange(2 * LOOP_ROWS) / (LOOP_Hz * LOOP_ROWS)
     rise = 0.5 * (1 - np.cos(2 * np.pi * LOOP_Hz * t_s))
     if model.time is not None:
         low, high = model.time.u_range_V
         u_V = low + (high - low) * rise
-        loops = [(e, effect(e.name)) for e in model.effects]
-        memory = tuple(one for one, e in loops if e.place is Place.HYSTERESIS or e.field is not None)
+        memory = tuple(e for e in model.effects if effect(e.name).place is Place.HYSTERESIS)
         slow = model.model_copy(update={"time": model.time.model_copy(update={"delay_s": 0.0}), "effects": memory})
         return AxisRecord(u_V[LOOP_ROWS:], simulate(slow, t_s, u_V)[LOOP_ROWS:])
     if model.table is not None:

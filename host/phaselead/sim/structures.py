@@ -36,6 +36,7 @@ class Operator(ctypes.Structure):
         ("deadzone_s_um_per_V", ctypes.c_double * DEADZONES),
         ("low_V", ctypes.c_double),
         ("high_V", ctypes.c_double),
+        ("field_bend", ctypes.c_double),
         ("bend_um", ctypes.c_double),
         ("skew_um", ctypes.c_double),
         ("skew_reach", ctypes.c_double),

@@ -27,7 +27,7 @@ from phaselead.model import (
     TimeView,
     effect_of_modes,
     mode_coefficients,
-    plays_standing,
+    plays_after,
     resonant,
     second_order_residual,
     simulate,
@@ -176,17 +176,17 @@ def _memories_of(operator: OperatorFit) -> list[Turns | None]:
 
 def _answer(view: TimeView, beside: Sequence[Entry], run: AxisRun, turned_V: Turns | None) -> Samples:
     """The operator's (n,), from the memory that the fit found for this record."""
-    start = _plays_V(view, beside, turned_V, run)
+    start = _plays_V(view, turned_V, run)
     return simulate(AxisModel(time=view), run.t_s, run.u_V, extra=beside, start=start, turned_V=turned_V)
 
 
-def _plays_V(view: TimeView, beside: Sequence[Entry], turned_V: Turns | None, run: AxisRun) -> Samples | None:
+def _plays_V(view: TimeView, turned_V: Turns | None, run: AxisRun) -> Samples | None:
     """Where the plays (m,) stand in the first row of a record. Where nothing tells from where it came it was from rest:
     None at 0 V; elsewhere the stage stood there when the record began, and no mode rings of the way."""
     first_V = float(run.u_V[0])
     if turned_V is None and abs(first_V) <= STILL_V:
         return None
-    return plays_standing(AxisModel(time=view), turned_V or (), first_V, beside)
+    return plays_after(view, *(turned_V or ()), first_V)
 
 
 @dataclass(frozen=True)

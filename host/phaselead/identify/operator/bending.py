@@ -11,13 +11,13 @@ from phaselead.identify.operator.choosing import FINEST
 from phaselead.identify.operator.records import Records, searched_from
 from phaselead.identify.operator.session import SEARCH
 from phaselead.identify.operator.solution import Solution
+from phaselead.model import LARGEST_BEND
 
 TRIED = (-0.1, -0.02, 0.02, 0.1)
 """Bends tried first: where one explains most of what is left, the nearest of them gains a good part of that."""
 ABOUT = 0.02
-"""Within which the best bend of few plays is searched again with the most."""
-LARGEST_BEND = 0.2
-"""As in the catalogue of effects. One that comes within ``ABOUT`` of it is none: more may be what is there."""
+"""Within which the best bend of few plays is searched again with the most. One that comes so near to the largest is
+none: more may be what is there."""
 PRECISE = 1e-3
 """How finely the best one is searched: a thousandth of half the range."""
 BEND_PAYS = 0.9

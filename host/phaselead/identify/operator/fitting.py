@@ -152,7 +152,7 @@ def place_operator(runs: Sequence[AxisRun], known: OperatorFit, modes: tuple[Mod
         runs,
         thinned(runs, SEARCH_ROWS, ringing_s=ringing_s(modes), memories=memories),
         weight_known(known),
-    ).in_field(known.field_bend)
+    ).in_field(known.view.field_bend)
     fading = len(known.fading_r_V) > 0
     fine, folds = records.basis(*FINEST, fading=fading), folds_of(records.fits)
     found = records.at(fine, known.view.delay_s, known.view.rest_fraction, modes)
@@ -238,7 +238,7 @@ def _result(records: Records, solution: Solution, choices: Sequence[Choice], mes
     unexplained = [e - e.mean() for e in residuals] if records.own_offsets else residuals
     view = solution.time_view(1.0 / fits[0].run.step_s, unexplained)
     return OperatorFit(
-        view.model_copy(update={"u_range_V": records.span_V}),
+        view.model_copy(update={"u_range_V": records.span_V, "field_bend": records.field.bend}),
         standard_errors(fits, solution, residuals),
         tuple(RecordResidual.of(f, e, own_offset=records.own_offsets) for f, e in zip(fits, residuals, strict=True)),
         tuple(choices),
@@ -249,5 +249,4 @@ def _result(records: Records, solution: Solution, choices: Sequence[Choice], mes
         fits[0].lag_s,
         0.0,
         *solution.fading(),
-        records.field.bend,
     )

@@ -13,7 +13,7 @@ from phaselead.identify.operator.regressors import FEWEST_ROWS, Basis, FitRun, T
 from phaselead.identify.operator.solution import REST_STEP, Solution, best_operator, best_slopes
 from phaselead.identify.operator.starting_memories import settled_of
 from phaselead.identify.runs import AxisRun, longest_delay_s, period_s
-from phaselead.model import LONGEST_DELAY_S, Field, Mode
+from phaselead.model import LONGEST_DELAY_S, EffectiveField, Mode
 
 LONGEST_DELAY = 0.1
 """Of a period."""
@@ -36,13 +36,13 @@ class Records:
         return replace(self, fits=[replace(f, lag_s=lag_s) for f in self.fits])
 
     @property
-    def field(self) -> Field:
+    def field(self) -> EffectiveField:
         """That the operator answers to."""
         return self.fits[0].field
 
     def in_field(self, bend: float) -> Records:
         """The same where the field over all their voltages bends."""
-        field = Field(bend, self.span_V)
+        field = EffectiveField(bend, self.span_V)
         return replace(self, fits=[replace(f, field=field) for f in self.fits])
 
     @property

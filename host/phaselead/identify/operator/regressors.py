@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from phaselead.compiled import kernel_of
 from phaselead.identify.runs import AxisRun, jumps, period_s, turning_rows
-from phaselead.model import EVEN, Field, Mode, TimeView, behind_modes, relaxed_late, state_after
+from phaselead.model import EVEN, EffectiveField, Mode, TimeView, behind_modes, relaxed_late, state_after
 from phaselead.record import Samples
 
 AFTER_JUMP = 0.1
@@ -213,7 +213,7 @@ class FitRun:
     """Memory at the start: None is from rest, by a step in the first row; else it stood there, after these turns."""
     lag_s: float = 0.0
     """Time constant of a low-pass in front of the operator."""
-    field: Field = EVEN
+    field: EffectiveField = EVEN
     """That the operator answers to."""
 
     def with_start(self) -> FitRun:

@@ -11,11 +11,9 @@ from phaselead.identify.operator.solution import Solution, lag_column, linearise
 from phaselead.model import (
     AxisModel,
     Entry,
-    Field,
     Mode,
     TimeView,
     effect_of_fading,
-    effect_of_field,
     effect_of_lag,
     turned_view,
 )
@@ -92,15 +90,10 @@ class OperatorFit:
     """Thresholds (k,) of the fading plays."""
     fading_w_um_per_V: Samples = field(default_factory=lambda: np.zeros(0))
     """Their weights (k,); the gain of the view holds them."""
-    field_bend: float = 0.0
-    """How far the field bends that the operator answers to, of half the voltage range."""
 
     def beside_view(self) -> list[Entry]:
-        """What belongs to the operator and the time view does not hold, as effects: a lag, a bent field, and what
-        fades."""
+        """What belongs to the operator and the time view does not hold, as effects: a lag, and what fades."""
         found = [effect_of_lag(self.lag_s)] if self.lag_s else []
-        if self.field_bend:
-            found.append(effect_of_field(Field(self.field_bend, self.view.u_range_V)))
         if len(self.fading_r_V):
             axis = AxisModel(time=self.view)
             found.append(effect_of_fading(self.fading_r_V, self.fading_w_um_per_V, axis))
@@ -131,8 +124,8 @@ class OperatorFit:
         ]
         if self.lag_s:
             lines.insert(3, f"{'lag':14}{1e3 * self.lag_s:12.5g} +- {1e3 * self.std['lag_s'][0]:.2g} ms")
-        if self.field_bend:
-            lines.append(f"{'field bend':14}{self.field_bend:12.5g} of half the voltage range")
+        if view.field_bend:
+            lines.append(f"{'field bend':14}{view.field_bend:12.5g} of half the voltage range")
         pairs = zip(view.play_r_V, view.play_w_um_per_V, self.std["play_w_um_per_V"], strict=True)
         lines += [f"play {r:<9.4g}{w:12.5g} +- {s:.2g} um/V" for r, w, s in pairs]
         pairs = zip(self.fading_r_V, self.fading_w_um_per_V, self.std["fading_w_um_per_V"], strict=True)

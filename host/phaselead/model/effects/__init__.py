@@ -20,13 +20,12 @@ from phaselead.model.effects.filters import (
     resonant,
     second_order_residual,
 )
-from phaselead.model.effects.interface import Effect, Entry, ModePart, Params, Signal, field_among, rewritten
+from phaselead.model.effects.interface import Effect, Entry, ModePart, Params, Signal, rewritten
 from phaselead.model.effects.mode_bank import Complex, modes_of, shares, state_weights, states, states_and_slopes
 from phaselead.model.effects.parameters import CheckedParameters, Parameter, Value
 from phaselead.model.effects.place import MODES_FROM, Place
 from phaselead.model.effects.softening import push_level
 from phaselead.model.effects.virtual import NotPlayed, VirtualAxis
-from phaselead.model.field import Field
 from phaselead.nearest import nearest
 from phaselead.record import Samples
 
@@ -51,11 +50,9 @@ __all__ = [
     "derived_sizes",
     "effect",
     "effect_of_fading",
-    "effect_of_field",
     "effect_of_lag",
     "effect_of_modes",
     "effect_of_shares",
-    "field_of",
     "lags",
     "mode_coefficients",
     "modes_of",
@@ -100,17 +97,6 @@ def effect_of_modes(modes: Sequence[Mode]) -> tuple[Effect, dict[str, float | tu
 def effect_of_lag(tau_s: float) -> Entry:
     """The effect that lags in front of the operator, and the parameters that it has with this time constant."""
     return next((e, {e.sizes[0].name: tau_s}) for e in _all().values() if e.lag_s is not None)
-
-
-def effect_of_field(field: Field) -> Entry:
-    """The effect that makes the field over the voltages of an axis this one."""
-    return next((e, e.of_field(field)) for e in _all().values() if e.of_field is not None)
-
-
-def field_of(axis: AxisModel, extra: Sequence[Entry] = ()) -> Field:
-    """The field over the voltages of an axis, as its effects, or those of ``extra``, make it."""
-    entries = [*((effect(e.name), e.params) for e in axis.effects), *extra]
-    return field_among(entries, axis)
 
 
 def effect_of_fading(r_V: Samples, w_um_per_V: Samples, axis: AxisModel) -> Entry:

@@ -57,8 +57,8 @@ def start(signal: Signal, r: Samples) -> Samples:
     if signal.plays_V is None or view is None:
         return at_rest
     if signal.turned_V is not None:
-        return state_after([0.0, *map(signal.field.at, signal.turned_V), float(signal.driven_V[0])], r, at_rest)
-    lag_V = float(signal.driven_V[0]) - signal.start_plays_V
+        return state_after([0.0, *map(view.field.at, signal.turned_V), float(signal.field_V[0])], r, at_rest)
+    lag_V = float(signal.field_V[0]) - signal.start_plays_V
     return np.array([state_like_plays(one, view.play_r_V, lag_V) for one in r])
 
 
@@ -75,13 +75,13 @@ def _added(signal: Signal, params: Params) -> Samples:
     r, w = thresholds_and_weights(signal.axis, params)
     view = signal.axis.time
     at_rest_um = float(w @ r) * (view.rest_fraction if view is not None else 0.0)
-    return fading_lag_um(signal.driven_V, r, w, start(signal, r)) - at_rest_um
+    return fading_lag_um(signal.field_V, r, w, start(signal, r)) - at_rest_um
 
 
 def began_with(signal: Signal, params: Params) -> Samples:
     """What each of the fading plays does longer that had come another way before the first row."""
     r, w = thresholds_and_weights(signal.axis, params)
-    v = signal.driven_V
+    v = signal.field_V
     way_V = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(v)))])
     return np.asarray(w * r * np.exp(-way_V[:, None] / (2 * r)))
 

@@ -54,7 +54,7 @@ def plays(signal: Signal, params: Params) -> tuple[Samples, Samples, Samples]:
 
 def start_V(signal: Signal, params: Params, r: Samples) -> Samples:
     """Where the plays stand in the first row."""
-    return float(signal.driven_V[0]) + number(params, "rest_fraction") * r
+    return float(signal.field_V[0]) + number(params, "rest_fraction") * r
 
 
 def apply(signal: Signal, params: Params) -> Samples:
@@ -63,7 +63,7 @@ def apply(signal: Signal, params: Params) -> Samples:
 
 def basis(signal: Signal, params: Params) -> Samples:
     r, w = thresholds_and_weights(signal, {**params, "width": 1.0})
-    v = signal.driven_V
+    v = signal.field_V
     loop = weighed_plays(v, r, w, start_V(signal, params, r)) - float(w.sum()) * v
     flatter = -lost_um_per_V(signal, {"lost": 1.0}) * v
     return columns(loop - number(params, "rest_fraction") * float(w @ r), flatter)

@@ -19,7 +19,6 @@ from phaselead.model.effects.filters import Mode
 from phaselead.model.effects.parameters import CheckedParameters, Parameter, Params, Value, number, numbers
 from phaselead.model.effects.place import MODES_FROM, Place
 from phaselead.model.effects.virtual import VirtualAxis
-from phaselead.model.field import EVEN, Field
 from phaselead.model.operator import range_um, rest_plays, rest_position_um
 from phaselead.model.sections import Undone
 from phaselead.nearest import nearest
@@ -109,13 +108,19 @@ class Signal:
         return self.u_V if self.drive_V is None else self.drive_V
 
     @property
+    def field_V(self) -> Samples:
+        """The field that the hysteresis answers to, in volts of an even one."""
+        return self.axis.time.field.of(self.driven_V) if self.axis.time is not None else self.driven_V
+
+    @property
     def start_plays_V(self) -> Samples:
-        """Positions of the time view's plays in the first row: about the voltage that the hysteresis stood at, which a
-        rail keeps off the recorded one."""
-        offset_V = float(self.driven_V[0] - self.u_V[0])
-        if self.plays_V is not None:
-            return self.plays_V + offset_V
-        return rest_plays(self.axis.time) + offset_V if self.axis.time is not None else np.zeros(0)
+        """Positions of the time view's plays in the first row: about the field that the hysteresis stood at, which a
+        rail keeps off that of the recorded voltage."""
+        view = self.axis.time
+        if view is None:
+            return np.zeros(0)
+        offset_V = view.field.at(self.driven_V[0]) - view.field.at(self.u_V[0])
+        return offset_V + (rest_plays(view) if self.plays_V is None else self.plays_V)
 
     @cached_property
     def rest_um(self) -> float:
@@ -126,11 +131,6 @@ class Signal:
     def range_um(self) -> float:
         """Quasi-static travel over the voltages the base was fitted on: what "of range" means."""
         return range_um(self.axis)
-
-    @property
-    def field(self) -> Field:
-        """Over the voltages, as the effects of this run make it."""
-        return field_among(self.active, self.axis)
 
     @cached_property
     def code_grid(self) -> CodeGrid:
@@ -153,11 +153,6 @@ class Signal:
         """The voltage at the hysteresis, -1..1 over the voltages the base was fitted on."""
         low, high = self.span_V
         return (2 * self.driven_V - (low + high)) / (high - low)
-
-
-def field_among(entries: Sequence[Entry], axis: AxisModel) -> Field:
-    """The field over the voltages of an axis, as the first of some effects says that makes one."""
-    return next((e.field(e.complete(params), axis) for e, params in entries if e.field is not None), EVEN)
 
 
 @dataclass(frozen=True)
@@ -298,12 +293,6 @@ class Effect:
     from_fading: Callable[[Samples, Samples, AxisModel], Params] | None = None
     """The parameters that add fading plays of thresholds (m,) in V and weights (m,) in um/V to the time view of an
     axis. One effect of the catalogue has it: what a fit finds is adopted as that one."""
-
-    field: Callable[[Params, AxisModel], Field] | None = None
-    """The field over the voltages of an axis, of an effect that is that and nothing else."""
-    of_field: Callable[[Field], Params] | None = None
-    """The parameters that make the field this one. One effect of the catalogue has it: what a fit finds is adopted as
-    that one."""
 
     # How a virtual stage has it, tick by tick.
     virtual: Callable[[VirtualAxis, CheckedParameters], None] | None = None

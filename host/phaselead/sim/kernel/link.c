@@ -33,43 +33,55 @@ static double asymmetry_um(struct operator_state *o, double u_V)
     return p->bend_um * (q - square_of(p, 0)) + p->skew_um * lag / opening;
 }
 
-/* What friction that comes to its level little by little takes off the way, from the last voltage on. */
-static double fading_um(struct operator_state *o, double u_V)
+/* What friction that comes to its level little by little takes off the way, from the last field on. */
+static double fading_um(struct operator_state *o, double v)
 {
     const struct operator_parameters *p = o->with;
-    double way_V = u_V - o->at_V, x = 0;
+    double way_V = v - o->at_V, x = 0;
     for (uint32_t i = 0; i < p->fading; i++) {
         double share = exp(-fabs(way_V) / (2 * p->fading_r_V[i])), side = (way_V > 0) - (way_V < 0);
         o->turned[i] = share * o->turned[i] + (1 - share) * side;
         x -= p->fading_w_um_per_V[i] * p->fading_r_V[i] * (o->turned[i] - p->fading_start);
     }
-    o->at_V = u_V;
+    o->at_V = v;
     return x;
+}
+
+/* What the field has more than the voltage; straight on beyond the ends of the range. */
+static double bent_V(const struct operator_parameters *p, double u_V)
+{
+    double half = (p->high_V - p->low_V) / 2, s = (u_V - p->low_V) / half - 1, inside = clamp(s, -1, 1);
+    return p->field_bend * half * inside * (2 * s - inside);
+}
+
+static double field_V(const struct operator_parameters *p, double u_V)
+{
+    return u_V + bent_V(p, u_V) - bent_V(p, 0);
 }
 
 static double operator_um(struct operator_state *o, double u_V)
 {
     const struct operator_parameters *p = o->with;
-    double x = p->gain_um_per_V * u_V;
+    double v = field_V(p, u_V), x = p->gain_um_per_V * v;
     for (uint32_t i = 0; i < p->plays; i++) {
-        o->play[i] = clamp(o->play[i], u_V - p->play_r_V[i], u_V + p->play_r_V[i]);
+        o->play[i] = clamp(o->play[i], v - p->play_r_V[i], v + p->play_r_V[i]);
         x += p->play_w_um_per_V[i] * o->play[i];
     }
     for (uint32_t i = 0; i < p->deadzones; i++)
-        x += u_V > p->deadzone_d_V[i] ? p->deadzone_s_um_per_V[i] * (u_V - p->deadzone_d_V[i]) : 0;
-    return x + asymmetry_um(o, u_V) + fading_um(o, u_V);
+        x += v > p->deadzone_d_V[i] ? p->deadzone_s_um_per_V[i] * (v - p->deadzone_d_V[i]) : 0;
+    return x + asymmetry_um(o, u_V) + fading_um(o, v);
 }
 
 static void operator_rest(struct operator_state *o, double rest_V)
 {
     const struct operator_parameters *p = o->with;
     for (uint32_t i = 0; i < p->plays; i++)
-        o->play[i] = rest_V + p->play_start_V[i]; /* a rail keeps the voltage at the material off 0 */
+        o->play[i] = field_V(p, rest_V) + p->play_start_V[i]; /* a rail keeps the voltage at the material off 0 */
     for (int i = 0; i < LINK_RING_PLAYS; i++)
         o->square_play[i] = square_of(p, rest_V);
     for (uint32_t i = 0; i < p->fading; i++)
         o->turned[i] = p->fading_start;
-    o->at_V = rest_V;
+    o->at_V = field_V(p, rest_V);
     o->rest_um = operator_um(o, rest_V);
 }
 

@@ -37,7 +37,8 @@ struct operator_parameters { /* a stage file's time view, with what can bend its
     double gain_um_per_V;
     double play_r_V[LINK_PLAYS], play_w_um_per_V[LINK_PLAYS], play_start_V[LINK_PLAYS];
     double deadzone_d_V[LINK_DEADZONES], deadzone_s_um_per_V[LINK_DEADZONES];
-    double low_V, high_V;                /* the voltages that shares below refer to */
+    double low_V, high_V;                /* the voltages that bends and shares refer to */
+    double field_bend;                   /* plays, dead zones and fading answer to a field that bends so far */
     double bend_um, skew_um, skew_reach; /* asymmetry: common curvature, one-sided width */
     double fading_r_V[LINK_FADING], fading_w_um_per_V[LINK_FADING], fading_start; /* friction that turns over a way */
     uint32_t plays, deadzones, fading;
@@ -46,7 +47,7 @@ struct operator_parameters { /* a stage file's time view, with what can bend its
 struct operator_state {
     const struct operator_parameters *with;
     double play[LINK_PLAYS], square_play[LINK_RING_PLAYS];
-    double turned[LINK_FADING], at_V; /* -1 to 1, at this voltage */
+    double turned[LINK_FADING], at_V; /* -1 to 1, at this field */
     double rest_um;
 };
 
