@@ -10,7 +10,7 @@ from scipy.optimize import minimize_scalar
 from phaselead.identify.operator.choosing import FINEST
 from phaselead.identify.operator.records import Records, searched_from
 from phaselead.identify.operator.session import SEARCH
-from phaselead.identify.operator.solution import Solution
+from phaselead.identify.operator.solution import PART_PAYS, Solution
 from phaselead.model import LARGEST_BEND
 
 TRIED = (-0.1, -0.02, 0.02, 0.1)
@@ -20,8 +20,6 @@ ABOUT = 0.02
 none: more may be what is there."""
 PRECISE = 1e-3
 """How finely the best one is searched: a thousandth of half the range."""
-BEND_PAYS = 0.9
-"""A bend stays in when the squared residual with it is less than this share of that without, as a mode does."""
 SMALL_LOOP = (0.1, 0.5)
 """Of the largest swing, chosen: loops that tell a bend of the field, which makes them wider at one end of the range,
 from what else may make one loop uneven."""
@@ -49,7 +47,7 @@ def in_best_field(records: Records, found: Solution) -> Records:
         return records
     about = bent.field.bend - ABOUT, bent.field.bend + ABOUT
     bend = _best_bend(bent, found, FINEST, about)
-    pays = _squares(records, found, FINEST, bend) < BEND_PAYS * _squares(records, even, FINEST, 0.0)
+    pays = _squares(records, found, FINEST, bend) < PART_PAYS * _squares(records, even, FINEST, 0.0)
     return records.in_field(bend) if pays and abs(bend) < LARGEST_BEND - ABOUT else records
 
 
@@ -68,7 +66,7 @@ def _bounds(records: Records, found: Solution) -> tuple[float, float]:
     even = _squares(records, found, SEARCH, 0.0)
     tried = {bend: _squares(records, found, SEARCH, bend) for bend in TRIED}
     first = min(tried, key=tried.__getitem__)
-    if not tried[first] < BEND_PAYS * even:
+    if not tried[first] < PART_PAYS * even:
         return 0.0, 0.0
     return (0.0, LARGEST_BEND) if first > 0 else (-LARGEST_BEND, 0.0)
 

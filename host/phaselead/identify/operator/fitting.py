@@ -20,7 +20,7 @@ from phaselead.identify.operator.records import Records, known_rest, searched_fr
 from phaselead.identify.operator.regressors import Basis, ringing_s
 from phaselead.identify.operator.result import Choice, OperatorFit, RecordResidual, effective_rows, standard_errors
 from phaselead.identify.operator.session import from_their_memories, told_behind_modes, weight_known
-from phaselead.identify.operator.solution import Solution, centred, moments
+from phaselead.identify.operator.solution import PART_PAYS, Solution, centred, moments
 from phaselead.identify.runs import AxisRun
 from phaselead.model import Mode
 
@@ -33,8 +33,6 @@ REST_MATTERS = 1.001
 PLACED_TURNS, PLACED = 3, 0.98
 """How often thresholds are placed anew, at the delay and the modes that go with those of before; done when the error
 stays above this share of what it was."""
-MODE_PAYS = 0.9
-"""A mode stays in when the squared residual with it is less than this share of that without."""
 
 LAG_STEP = 0.001
 """Of the longest lag: how finely the best one is searched. A hundredth was several standard errors."""
@@ -92,13 +90,13 @@ def _paying(records: Records, found: Solution) -> Solution:
     while found.modes:
         fewer = [searched(tuple(m for m in found.modes if m is not out)) for out in found.modes]
         least = min(fewer, key=lambda solution: solution.error)
-        if MODE_PAYS * least.error**2 > found.error**2:
+        if PART_PAYS * least.error**2 > found.error**2:
             break
         found = least
     if len(found.modes) == 1:
         ((_, f_Hz, zeta),) = found.modes
         whole = searched(((1.0, f_Hz, zeta),), whole=True)
-        if MODE_PAYS * whole.error**2 < found.error**2:
+        if PART_PAYS * whole.error**2 < found.error**2:
             return whole
     return found
 
