@@ -77,10 +77,11 @@ def _apart_from_others(
 ) -> tuple[AxisModel, list[SizedEffect], Samples] | None:
     """The axis with plays, the effects beside which they predict the held-out records better than any of the others
     would, and what they save of the squares by block; None where that takes too many effects."""
-    tried, train = [run for run in runs if run.role != "reference"], [run for run in runs if run.role == "train"]
+    tried = [run for run in runs if run.role != "reference"]
+    train = [modelled_run(axis, run) for run in runs if run.role == "train"]
     beside: list[SizedEffect] = []
     while True:
-        looped = refitted_operator(axis, beside, train)
+        looped = with_refitted_operator(train, beside)[0].axis
         as_line, as_plays = ([modelled_run(_with(one, beside), run) for run in tried] for one in (axis, looped))
         saved = saved_by_block(_of(as_line, "holdout"), (), _of(as_plays, "holdout"), ())
         larger = _most_saving(as_line, others)
@@ -108,7 +109,7 @@ def _beside_all(axis: AxisModel, rounds: int, runs: Sequence[GapRun], others: Se
     records are then predicted better. Those beside which memory was looked for are fitted anew, now beside the plays.
     Plays stand in for what lags: fitted without it they are too wide where the stage is quick."""
     found: list[SizedEffect] = []
-    train = [run for run in runs if run.role == "train"]
+    train = [modelled_run(axis, run) for run in runs if run.role == "train"]
     tried = [run for run in runs if run.role != "reference"]
     for _ in range(rounds):
         larger = _most_saving([modelled_run(_with(axis, found), run) for run in tried], others)
@@ -116,12 +117,12 @@ def _beside_all(axis: AxisModel, rounds: int, runs: Sequence[GapRun], others: Se
             break
         found.append(larger[0])
         others = [one for one in others if one.name != larger[0][0].name]
-        anew = refitted_operator(axis, found, train)
+        anew = with_refitted_operator(train, found)
         before, after = ([modelled_run(_with(one, found), r) for r in tried if r.role == "holdout"]
-                         for one in (axis, anew))  # fmt: skip
+                         for one in (axis, anew[0].axis))  # fmt: skip
         if saved_by_block(before, (), after, ()).sum() <= 0:
             break
-        axis = anew
+        axis, train = anew[0].axis, anew
     return axis
 
 
@@ -145,23 +146,28 @@ def _with(axis: AxisModel, entries: Sequence[SizedEffect]) -> AxisModel:
     return axis.model_copy(update={"effects": (*axis.effects, *more)})
 
 
-def refitted_operator(axis: AxisModel, entries: Sequence[SizedEffect], train: Sequence[GapRun]) -> AxisModel:
-    """The axis with plays fitted to what some effects leave of the training runs, where that leaves less."""
-    best, best_left = axis, _left_um2(axis, entries, train)
+def with_refitted_operator(runs: Sequence[ModelledRun], entries: Sequence[SizedEffect]) -> list[ModelledRun]:
+    """The runs of an axis under that axis with plays fitted to what some effects leave of the training runs; as they
+    are where that leaves no less of these."""
+    train = _of(runs, "train")
+    best, best_left = train, _left_um2(train, entries)
     for _ in range(OPERATOR_ROUNDS if entries else 1):
-        modelled_runs = [modelled_run(best, run) for run in train]
-        beyond = [t.answer(entries) - t.answer() for t in modelled_runs]
-        tried = with_operator(best, train, beyond)
-        left = _left_um2(tried, entries, train)
+        beyond = [t.answer(entries) - t.answer() for t in best]
+        axis = with_operator(best[0].axis, [t.run for t in best], beyond)
+        tried = [modelled_run(axis, t.run) for t in best]
+        left = _left_um2(tried, entries)
         if left >= best_left:
             break
         best, best_left = tried, left
-    return best
+    if best is train:
+        return list(runs)
+    again = iter(best)
+    return [next(again) if t.run.role == "train" else modelled_run(best[0].axis, t.run) for t in runs]
 
 
-def _left_um2(axis: AxisModel, entries: Sequence[SizedEffect], runs: Sequence[GapRun]) -> float:
-    """Mean square in um^2 that the axis with the effects leaves of some runs, each about its own mean."""
-    errors = [modelled_run(axis, run).error(entries) for run in runs]
+def _left_um2(runs: Sequence[ModelledRun], entries: Sequence[SizedEffect]) -> float:
+    """Mean square in um^2 that the model of the runs with the effects leaves of them, each about its own mean."""
+    errors = [modelled.error(entries) for modelled in runs]
     return float(np.mean(np.concatenate([error - error.mean() for error in errors]) ** 2))
 
 

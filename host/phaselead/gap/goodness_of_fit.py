@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from phaselead.gap.base_operator import refitted_operator
+from phaselead.gap.base_operator import with_refitted_operator
 from phaselead.gap.disturbances import RecordOffset
 from phaselead.gap.findings import GapSize, Trace
 from phaselead.gap.floor import Floor
@@ -85,10 +85,8 @@ class FinalFit:
     def with_plays_refitted(self) -> FinalFit:
         """The same with plays fitted anew to what the effects leave of the training records, where that leaves less:
         they had been fitted to what is now the effects'."""
-        train = [t.run for t in self.after if t.run.role == "train"]
-        axis = refitted_operator(self.axis, self.entries, train)
-        after = tuple(modelled_run(axis, t.run) for t in self.after)
-        return replace(self, axis=axis, after=after).with_entries(())
+        after = with_refitted_operator(self.after, self.entries)
+        return replace(self, axis=after[0].axis, after=tuple(after)).with_entries(())
 
     def residuals_before(self, role: Role) -> list[RunResidual]:
         """Residuals of the base as given, about their means."""
@@ -133,12 +131,11 @@ def _power(errors: Sequence[Samples]) -> float:
 def final_fit(selection: Selection, runs: Sequence[GapRun], floor: Floor) -> FinalFit:
     """The model that a search ended with on all runs, and the gap. Plays that the base was given are fitted once more,
     now to what the effects leave. ``floor``: what it is where no reference record says."""
-    axis, entries = selection.base, selection.entries
-    if selection.memory is not None:
-        axis = refitted_operator(axis, entries, [r for r in runs if r.role == "train"])
     before = tuple(modelled_run(selection.start, run) for run in runs)
-    after = tuple(modelled_run(axis, run) for run in runs)
-    final = FinalFit(axis, entries, before, after, GapSize(0.0, 0.0, 0.0), floor.rms_um)
+    after = [modelled_run(selection.base, run) for run in runs]
+    if selection.memory is not None:
+        after = with_refitted_operator(after, selection.entries)
+    final = FinalFit(after[0].axis, selection.entries, before, tuple(after), GapSize(0.0, 0.0, 0.0), floor.rms_um)
     return replace(final, gap=_gap(final))
 
 

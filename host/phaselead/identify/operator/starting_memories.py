@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import replace
 from functools import cache
+from itertools import pairwise
 from typing import Protocol
 
 import numpy as np
@@ -106,8 +107,8 @@ def _with_another(turns: Turns, points_V: Sequence[float], first_V: float) -> It
 
 def _remembered(turns: Turns, first_V: float) -> bool:
     """Whether none of these turns has wiped out another: they close in on the voltage, from one side and the other."""
-    ways = np.diff([*turns, first_V])
-    return bool((ways != 0).all() and (ways[1:] * ways[:-1] < 0).all() and (np.diff(np.abs(ways)) < 0).all())
+    ways = [to - start for start, to in pairwise((*turns, first_V))]
+    return 0 not in ways and all(now * last < 0 and abs(now) < abs(last) for last, now in pairwise(ways))
 
 
 def _polished(squares: Callable[[Turns], float], turns: Turns, points_V: Sequence[float], first_V: float) -> Turns:
