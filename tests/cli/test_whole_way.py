@@ -10,6 +10,7 @@ import pytest
 
 from phaselead.model.stage_file import load_stage
 
+BUILT_IN = Path(__file__).parents[2] / "host/phaselead/sim/xyz250.toml"
 HELD_OUT = [("sine:5V@5Hz", 5 / 5), ("sine:3V@15Hz", 5 / 15)]
 UNUSED_SINES = [*HELD_OUT, ("sine:7V@3Hz", 5 / 3), ("sine:9V@9Hz", 5 / 9), ("sine:1.5V@11Hz", 5 / 11)]
 
@@ -41,6 +42,16 @@ def test_time_view_from_rest_on_sines_it_never_saw(run, stage_file, tmp_path, wa
     (found,) = run("verify", "--model", stage_file, path, "--json", "-").json["records"]
     assert found["mean_pct"] <= 0.5
     assert found["max_pct"] <= 2.0
+
+
+def test_identify_finds_where_the_stage_bends_and_leaves_what_the_pages_say(stage_file):
+    """The mode shows in the response of so many sines: thresholds are placed all the same."""
+    view, truth = load_stage(stage_file).axes["x"].time, load_stage(BUILT_IN).axes["x"].time
+    r, w = (np.array(v) for v in (truth.play_r_V, truth.play_w_um_per_V))
+    reached = (w > 0) & (r < 4)  # the levels move no play beyond half their swing, and hardly one near it
+    np.testing.assert_allclose(view.play_r_V[1:], r[reached][1:], rtol=0.06)
+    assert view.deadzone_d_V == truth.deadzone_d_V
+    assert view.residual_um_rms < 0.04
 
 
 @pytest.mark.parametrize(("wave", "seconds"), HELD_OUT)

@@ -93,37 +93,46 @@ def fit_together(runs: Sequence[AxisRun]) -> tuple[OperatorFit, FittedModes | No
     """The operator of an axis and its first modes, if it shows any. Raises BadInput as ``fit_operator`` does.
 
     The fit starts from the modes that the measured response shows; where the records have no such band, from those that
-    ring in what the operator alone leaves.
+    ring in what the operator alone leaves. Of a grid the thresholds are placed in the end.
     """
     shown = modes_shown(measured_response(runs))
     alone = fit_operator(runs, lag_s=shown.lag_s)
-    if shown.modes:
-        found = _believed(alone, fit_operator(runs, shown.modes, shown.lag_s), runs)
-        if found is not None:
-            return found
-    ringing = find_modes(alone.view, runs, _memories_of(alone), alone.beside_view())
+    found = _believed(alone, fit_operator(runs, shown.modes, shown.lag_s), runs) if shown.modes else None
     if len(runs) >= MANY_RUNS:
-        return _placed(alone, ringing, runs)
+        return _placed(alone, *(found or (alone, _ringing_in(alone, runs))), runs)
+    return found or _behind_ringing(alone, shown.lag_s, runs)
+
+
+def _ringing_in(alone: OperatorFit, runs: Sequence[AxisRun]) -> FittedModes | None:
+    """The modes that ring in what an operator alone leaves."""
+    return find_modes(alone.view, runs, _memories_of(alone), alone.beside_view())
+
+
+def _behind_ringing(
+    alone: OperatorFit, lag_s: float, runs: Sequence[AxisRun]
+) -> tuple[OperatorFit, FittedModes | None]:
+    """The operator alone and the modes that ring in what it leaves, fitted together where that leaves less."""
+    ringing = _ringing_in(alone, runs)
     if ringing is None:
         return alone, ringing
     behind = replace(alone, view=ringing.adopted(alone.view)[0])
-    again = fit_operator(runs, ringing.modes, shown.lag_s)
+    again = fit_operator(runs, ringing.modes, lag_s)
     if _squares(again, again.modes, runs) > _squares(behind, ringing.modes, runs):
         return alone, ringing
     return _believed(alone, again, runs) or (alone, ringing)
 
 
 def _placed(
-    alone: OperatorFit, ringing: FittedModes | None, runs: Sequence[AxisRun]
+    alone: OperatorFit, operator: OperatorFit, found: FittedModes | None, runs: Sequence[AxisRun]
 ) -> tuple[OperatorFit, FittedModes | None]:
-    """Operator and modes of a grid fitted together, where that leaves less: at a tenth of its frequency a mode adds 1 %
-    to the motion, which an operator fitted without it bends its loop for."""
-    modes = () if ringing is None else ringing.modes
-    behind = alone if ringing is None else replace(alone, view=ringing.adopted(alone.view)[0])
+    """Operator and modes of a grid fitted together, thresholds where they are, where that leaves less: at a tenth of
+    its frequency a mode adds 1 % to the motion, which an operator fitted without it bends its loop for."""
+    modes = () if found is None else found.modes
+    behind = operator if found is None else replace(operator, view=found.adopted(operator.view)[0])
     placed = place_operator(runs, behind, modes)
     left = _squares(placed, placed.modes, runs)
     if left > _squares(behind, modes, runs):
-        return alone, ringing
+        return operator, found
     if not placed.modes:
         return placed, None
     return placed, FittedModes(placed.modes, placed.view.delay_s, left / _squares(alone, (), runs))

@@ -150,7 +150,8 @@ def place_operator(runs: Sequence[AxisRun], known: OperatorFit, modes: tuple[Mod
         runs,
         thinned(runs, SEARCH_ROWS, ringing_s=ringing_s(modes), memories=memories),
         weight_known(known),
-    ).in_field(known.view.field_bend)
+    )
+    records = records.in_field(known.view.field_bend).behind_a_lag(known.lag_s)
     fading = len(known.fading_r_V) > 0
     fine, folds = records.basis(*FINEST, fading=fading), folds_of(records.fits)
     found = records.at(fine, known.view.delay_s, known.view.rest_fraction, modes)
@@ -171,7 +172,8 @@ def place_operator(runs: Sequence[AxisRun], known: OperatorFit, modes: tuple[Mod
     records, found, messages = told_behind_modes(records, _paying(records, found), known)
     rest = found.rest_fraction if _rest_matters(records, found.basis, found) else 0.0
     before = [replace(c, chosen=False) for c in known.choices]
-    return _of_all_rows(records, replace(found, rest_fraction=rest), modes, (*before, choice), messages)
+    placed = _of_all_rows(records, replace(found, rest_fraction=rest), modes, (*before, choice), messages)
+    return replace(placed, lag_share=known.lag_share)
 
 
 def fit_linear(runs: Sequence[AxisRun], modes: tuple[Mode, ...] = (), lag_s: float | None = None) -> OperatorFit:
