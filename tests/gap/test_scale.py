@@ -219,3 +219,16 @@ def test_a_held_out_record_that_is_like_the_others_raises_no_doubt():
     found = run_gap(stage(), train, holdout, [first], without=tuple(name for name in catalogue() if name != "delay"))
     assert found.verdicts == ("none",)
     assert found.doubts == ()
+
+
+@pytest.mark.parametrize("factor", [1.0, 1.006])
+def test_large_held_out_records_are_judged_by_what_the_fit_left_where_only_small_ones_train(factor):
+    """Without reference records a small record to train says nothing of what the base leaves of a large one."""
+    train = [r for r in records()[0] if r.source.endswith("0.25.csv")]
+    (other,) = (r for r in records()[1] if r.source.endswith("0.9.csv"))
+    holdout = as_written([other], lambda u, x: (u, factor * x))
+    found = run_gap(stage(), train, holdout, without=tuple(name for name in catalogue() if name != "delay"))
+    told = [line for line in found.doubts if line.startswith(f"{other.source}: of its motion the model leaves")]
+    assert found.verdicts == (("none",) if factor == 1 else ("unknown",))
+    assert len(told) == (factor != 1)
+    assert all("those that it was fitted to" in line for line in told)

@@ -29,7 +29,7 @@ from phaselead.gap.locate import rank_cells
 from phaselead.gap.posterior import Claim
 from phaselead.gap.provisional import nearest_that_pays
 from phaselead.gap.records import GapRun
-from phaselead.gap.scale import unlike_others
+from phaselead.gap.scale import unlike_others, unlike_own_fit
 from phaselead.gap.search import Progress, select_effects
 from phaselead.gap.selection import Selection
 from phaselead.gap.unexplained import Unexplained, unexplained
@@ -122,6 +122,8 @@ def search_axis(
     excluded, hidden = upper_bounds(vouched.selection, candidates, taken | played)
     on_progress(0.92)
     unlike = unlike_others(final)
+    if not (unlike or referenced or taken):
+        unlike = unlike_own_fit(final)
     unknown = selection.something_unnamed or other.unknown or left.beyond_equations or bool(unlike)
     provisional: list[NamedEffect] = []
     if unknown:

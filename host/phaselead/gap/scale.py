@@ -11,7 +11,7 @@ from phaselead.gap.goodness_of_fit import FinalFit
 from phaselead.gap.posterior import TIMES_BASE
 from phaselead.gap.records import GapRun, Role
 from phaselead.gap.residual import modelled_run
-from phaselead.model import Stage, out_of_scale, scale_doubt
+from phaselead.model import Stage, out_of_scale, range_um, scale_doubt
 from phaselead.quantity import digits
 from phaselead.record import Samples, factors_moved, in_another_unit, seem_exchanged, slow_gain, unit_remedy
 
@@ -51,7 +51,7 @@ def _exchanged(axis: str, driven: Sequence[Moved]) -> list[str]:
         return []
     # Of small motion noise is a large share; exchanged records leave more in um too.
     share, um = (max(one[i] for one in others) for i in (0, 1))
-    if reference[0] <= MOST_UNLIKE * share or reference[1] <= MOST_UNLIKE * um:
+    if not _is_far(reference, share, um):
         return []
     return [
         f"{axis}: of the reference records' motion the model leaves {digits(100 * reference[0], 2)} %, of the others' "
@@ -71,11 +71,34 @@ def unlike_others(final: FinalFit) -> list[str]:
     return found
 
 
+def unlike_own_fit(final: FinalFit) -> list[str]:
+    """One line for the held-out records where the model leaves far more of one of them than the fit did that it is of,
+    with nothing found: without reference records it is all that tells what the base leaves by itself."""
+    base = final.before[0].axis
+    assert base.time is not None
+    um = base.time.residual_um_rms
+    share = um / (range_um(base) / np.sqrt(8))  # rms of a sine over the range
+    far = [(name, one) for name, one in _left_of_each(final, "holdout") if _is_far(one, share, um)]
+    if not um or not far:
+        return []
+    name, (most, most_um) = max(far, key=lambda pair: pair[1][0])
+    return [
+        f"{name}: of its motion the model leaves {digits(100 * most, 2)} %, {digits(most_um, 2)} um, and of those that "
+        f"it was fitted to {digits(um, 2)} um{more_like_it(len(far) - 1)}: give --reference records of when it fitted, "
+        "and training records that move as far"
+    ]
+
+
+def _is_far(left: tuple[float, float], share: float, um: float) -> bool:
+    """Whether what is left of a record, as a share of its motion and in um, is far more than that of others."""
+    return left[0] > MOST_UNLIKE * share and left[1] > MOST_UNLIKE * um
+
+
 def _unlike(records: Sequence[_LeftOfRecord], others: Sequence[tuple[float, float]]) -> list[str]:
     """One line for the records of which far more is left than of any other, as a share of their motion and in um; none
     where there are none."""
     share, um = (max(one[i] for one in others) for i in (0, 1))
-    far = [(name, one[0]) for name, one in records if one[0] > MOST_UNLIKE * share and one[1] > MOST_UNLIKE * um]
+    far = [(name, one[0]) for name, one in records if _is_far(one, share, um)]
     if not far:
         return []
     name, most = max(far, key=lambda pair: pair[1])
