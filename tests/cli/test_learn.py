@@ -5,6 +5,8 @@ from __future__ import annotations
 import pytest
 
 from phaselead.control import load_learned
+from phaselead.control.learning.look import End
+from phaselead.control.learning.trials import _Course
 
 
 @pytest.fixture(scope="module")  # of a path at the mode, where one shot leaves most
@@ -96,3 +98,14 @@ def test_a_table_needs_its_model(run, table):
 def test_learning_twice_over_is_refused(run, stage_file, table):
     words = ("track", "sine:10um@200Hz", "--model", stage_file, "--learned", table[0], "--learn", "2")
     refused(run(*words), "--learn", "--learned")
+
+
+def test_a_fault_ends_it_with_the_status_of_one_and_what_was_learned(run, stage_file, tmp_path, monkeypatch):
+    """A script went on with a device that latches a fault."""
+    ended = End("stopped: fault adc_rail on axis x", None)
+    monkeypatch.setattr(_Course, "_learn", lambda *_: ended)
+    words = ("learn", "sine:30um@50Hz", "--model", stage_file, "--trials", "2", "-o", tmp_path / "l.h5", "--json", "-")
+    outcome = run(*words)
+    assert outcome.status == 4
+    assert outcome.json["in_fault"]
+    assert load_learned(tmp_path / "l.h5").reason.startswith("stopped: fault")

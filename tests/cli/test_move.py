@@ -6,10 +6,12 @@ import json
 import os
 import subprocess
 import sys
+import warnings
 
 import pytest
 
 from phaselead.cli.common import HELD
+from phaselead.control import Controller
 from phaselead.control.moving import Mover
 from phaselead.errors import DeviceRefused
 from phaselead.sim import built_in
@@ -211,3 +213,15 @@ def test_an_interrupt_on_the_way_says_that_it_is_parked(run, monkeypatch):
     monkeypatch.setattr(Mover, "move", interrupted)
     ended = run("move", "x=50um")
     assert (ended.status, ended.err) == (130, "phaselead: interrupted; the output is parked\n")
+
+
+def test_what_a_command_is_warned_of_is_a_line_of_its_own(run, monkeypatch):
+    """`hold` printed a path of ours and a line of code."""
+    hold = Controller.hold
+
+    def warned(self):
+        warnings.warn("gains are low", stacklevel=2)
+        return hold(self)
+
+    monkeypatch.setattr(Controller, "hold", warned)
+    assert run("hold").err == "warning: gains are low\n"

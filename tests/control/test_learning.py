@@ -363,6 +363,7 @@ def test_a_later_fault_ends_it_with_the_best_trial_kept(monkeypatch, learned, tm
     with Device.open(f"sim://{tmp_path / 'stage.toml'}") as device:
         found = learn(device, {"x": SINE}, stage=STAGE, gains=GAINS, trials=5)
     assert "adc_rail" in found.reason
+    assert found.in_fault
     assert len(found.trials) == 2
     assert found.best == found.trials[1]
 

@@ -173,3 +173,10 @@ def test_a_move_on_a_model_that_rests_unseen_is_told_so_too():
     with pl.connect() as dev, pytest.raises(BadInput, match=r"on the model .*; x: it rests at -124.6 um") as caught:
         dev.move(x=50, model=stage)
     assert "gains" not in str(caught.value)
+
+
+def test_a_model_that_the_simulator_cannot_play_is_said_to_be_untried():
+    """It was driven without a word."""
+    twice = AXIS.model_copy(update={"effects": (*AXIS.effects, *[AdoptedEffect(name="mains_hum")] * 2)})
+    with pytest.warns(UserWarning, match=r"not tried on the model first: .*'mains_hum' stands there 2 times"):
+        assert rehearse({"x": parse_wave("sine:10um@5Hz")}, "pid", Stage(name="s", axes={"x": twice}), GAINS) == {}

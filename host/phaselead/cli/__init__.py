@@ -13,7 +13,7 @@ from phaselead import __version__, interrupt
 from phaselead.cli.examples import START, show_examples
 from phaselead.cli.listing import GROUPS, listed
 from phaselead.cli.output_level import QUIET, quiet
-from phaselead.cli.usage import fail, usage_in_one_line
+from phaselead.cli.usage import fail, usage_in_one_line, warnings_said
 from phaselead.errors import PhaseleadError
 
 
@@ -73,7 +73,7 @@ class CommandLine(click.Group):
     def invoke(self, ctx: click.Context) -> Any:
         interrupt.install()
         try:
-            with usage_in_one_line():
+            with usage_in_one_line(), warnings_said():
                 return super().invoke(ctx)
         except PhaseleadError as error:
             fail(str(error), error.exit_status)

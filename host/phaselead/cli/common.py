@@ -7,8 +7,7 @@ from __future__ import annotations
 
 import math
 import sys
-import warnings
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -21,6 +20,7 @@ from phaselead.cli.output_level import quiet
 from phaselead.cli.outputs import json_option as json_option
 from phaselead.cli.outputs import overwriting
 from phaselead.cli.outputs import report_option as report_option
+from phaselead.cli.usage import warn as warn
 from phaselead.errors import BadInput, DeviceRefused
 from phaselead.quantity import IN_SECONDS, number
 from phaselead.result import Table, json_text, pairs_table
@@ -137,33 +137,10 @@ def _letters(text: str) -> str:
     return "".join(parse_axes(text, "--axis"))
 
 
-def warn(lines: Iterable[str]) -> None:
-    """Each on the standard error."""
-    for line in lines:
-        click.echo(f"warning: {line}", err=True)
-
-
 def tell(line: str, json_to: str | None) -> None:
     """What a person wants to know beforehand; nothing where only JSON is to be printed."""
     if json_to != "-" and not quiet.get():
         click.echo(line)
-
-
-@contextmanager
-def warnings_said() -> Iterator[None]:
-    """What the library warns of meanwhile is said at once and once, before what it warns of happens."""
-
-    told: set[str] = set()
-
-    def said(message: Warning | str, *_where: Any, **_what: Any) -> None:
-        if str(message) not in told:
-            warn([str(message)])
-        told.add(str(message))
-
-    with warnings.catch_warnings():
-        warnings.simplefilter("always")
-        warnings.showwarning = said
-        yield
 
 
 def forgotten(port: str, what: str, *, flash: bool = False) -> list[str]:

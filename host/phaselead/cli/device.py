@@ -14,7 +14,6 @@ from phaselead.cli.common import (
     forgotten,
     json_option,
     port_option,
-    warnings_said,
 )
 from phaselead.cli.listing import top_level
 from phaselead.cli.outputs import INPUT
@@ -117,7 +116,7 @@ def upload(model_path: str, port: str, persist: bool, force: bool, json_to: str 
     stage = load_stage(model_path)
     device_model(stage)  # a coefficient that does not fit is refused before the port is opened
     own_loop_warnings(stage, force=force)  # and gains that are refused
-    with connect(port) as device, warnings_said():
+    with connect(port) as device:
         uploaded = device.upload(stage, persist=persist, force=force)
     figures = {"model": model_path} | uploaded.as_dict()
     emit(figures, json_to, [pairs_table(figures), *forgotten(port, "this model", flash=persist)])

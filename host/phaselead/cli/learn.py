@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import sys
+
 import click
 
 from phaselead.cli.common import (
@@ -12,13 +14,13 @@ from phaselead.cli.common import (
     port_option,
     progress,
     report_option,
-    warnings_said,
     write_page,
 )
 from phaselead.cli.listing import top_level
 from phaselead.cli.outputs import INPUT, OutputFile, overwriting
 from phaselead.cli.track import follows_option, gains_option, telling
 from phaselead.control import Follows, connect
+from phaselead.errors import DeviceRefused
 from phaselead.model import load_stage
 from phaselead.record import RUN_SUFFIXES
 from phaselead.waveforms import parse_waves
@@ -73,7 +75,7 @@ def learn(
     """
     parse_waves(wave, axes)  # what is written wrong is told before the port is opened
     stage = load_stage(model_path) if model_path else None
-    with connect(port) as device, warnings_said(), progress(f"learning {wave}", 1.0) as advance:
+    with connect(port) as device, progress(f"learning {wave}", 1.0) as advance:
         found = device.learn(
             wave,
             mode=mode,
@@ -92,3 +94,5 @@ def learn(
         found.save(output, overwrite=overwriting())
     wrote = [f"wrote {output}"] if output is not None else []
     emit(found.as_dict(), json_to, [*found.tables(), *wrote, *write_page(found, report)])
+    if found.in_fault:
+        sys.exit(DeviceRefused.exit_status)

@@ -40,10 +40,11 @@ stage_output_option = click.option("-o", "--output", metavar="STAGE.toml", type=
 
 
 def verification_table(found: Verifications, title: str) -> Table:
-    """Errors of a model on recordings under this title."""
+    """Errors of a model on recordings under this title, with their axes where there are several."""
     table, *_ = found.tables()
     assert isinstance(table, Table)
-    return replace(table.without("axis"), title=title)
+    one = len({v.axis for v in found}) == 1
+    return replace(table.without("axis") if one else table, title=title)
 
 
 def said_of(fitted: FitResult, verbose: bool) -> list[str]:

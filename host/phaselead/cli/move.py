@@ -21,7 +21,6 @@ from phaselead.cli.common import (
     trigger_in_option,
     trigger_out_option,
     wait_told,
-    warnings_said,
 )
 from phaselead.cli.listing import top_level
 from phaselead.cli.outputs import INPUT
@@ -78,7 +77,7 @@ def move(
         if json_to != "-":
             show({}, None, [*planned.sentences(predicted), *wait_told(trigger_in)])
 
-    with connect(port, resume=True) as device, warnings_said(), held_if_refused(device):
+    with connect(port, resume=True) as device, held_if_refused(device):
         moved = device.move(
             x=targets.get("x"),
             y=targets.get("y"),

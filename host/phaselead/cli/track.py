@@ -22,7 +22,6 @@ from phaselead.cli.common import (
     trigger_out_option,
     wait_told,
     warn_of_gaps,
-    warnings_said,
     write_page,
 )
 from phaselead.cli.listing import top_level
@@ -146,7 +145,7 @@ def track(
     if table and trials:
         raise BadInput("--learned plays what was learned, --learn learns it: give one of them")
     known = load_learned(table) if table else None
-    with connect(port, resume=True) as device, warnings_said(), held_if_refused(device):
+    with connect(port, resume=True) as device, held_if_refused(device):
         if trials is not None:
             with progress(f"learning {wave}", 1.0) as advance:
                 known = device.learn(

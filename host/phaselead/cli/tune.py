@@ -13,7 +13,6 @@ from phaselead.cli.common import (
     progress,
     report_option,
     warn,
-    warnings_said,
     write_page,
 )
 from phaselead.cli.listing import top_level
@@ -72,7 +71,7 @@ def tune(
     """
     level_V, middle_V = number("--level", level, VOLTS), number("--middle", middle, VOLTS)
     stage = load_stage(model_path) if model_path else None
-    with connect(port) as device, warnings_said(), progress(f"tuning {axis}", 1.0) as advance:
+    with connect(port) as device, progress(f"tuning {axis}", 1.0) as advance:
         found = device.tune(
             axis,
             model=stage,

@@ -1,10 +1,12 @@
-"""What click refuses on a command line, as one line that says what to do next."""
+"""What a command says on the standard error: refusals in one line that says what to do next, and warnings."""
 
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator
+import warnings
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from typing import Any
 
 import click
 from click.exceptions import NoArgsIsHelpError
@@ -39,3 +41,26 @@ def usage_line(error: click.UsageError) -> str:
         said += ";"
     words = [] if error.ctx is None else error.ctx.command_path.split()[1:]
     return f"{said[:1].lower()}{said[1:]} `{' '.join(('phaselead', *words, '--help'))}` shows the way"
+
+
+def warn(lines: Iterable[str]) -> None:
+    """Each on the standard error."""
+    for line in lines:
+        click.echo(f"warning: {line}", err=True)
+
+
+@contextmanager
+def warnings_said() -> Iterator[None]:
+    """What the library warns of meanwhile is said at once and once, before what it warns of happens."""
+
+    told: set[str] = set()
+
+    def said(message: Warning | str, *_where: Any, **_what: Any) -> None:
+        if str(message) not in told:
+            warn([str(message)])
+        told.add(str(message))
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("always", UserWarning)
+        warnings.showwarning = said
+        yield

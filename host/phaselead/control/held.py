@@ -51,5 +51,5 @@ def held_warning(held: Stage | None, mode: str, gains: dict[str, Gains]) -> list
         return []
     return [
         f"{', '.join(slow)}: the device does not tell the modes of its model: gains are low, for a mode anywhere above "
-        "100 Hz; --model STAGE.toml has better ones"
+        "100 Hz; a move or a path with --model STAGE.toml has better ones"
     ]

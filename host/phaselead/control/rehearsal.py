@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import tempfile
+import warnings
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -19,7 +20,7 @@ from phaselead.control.tracking import check_paths, default_duration_s, track
 from phaselead.device import TICK_HZ, Capture, Converters, Device, DeviceFault, converters, device_model
 from phaselead.errors import BadInput, DeviceRefused
 from phaselead.model import AxisModel, Gains, Stage, respond, rest_plays
-from phaselead.sim import virtual_stage
+from phaselead.sim import plant_parameters, virtual_stage
 from phaselead.waveforms import Goto, Streamed, Waveform
 
 LONGEST_S = 2.0
@@ -77,8 +78,8 @@ def rehearse(
     duration_s: float | None = None,
 ) -> dict[str, Predicted]:
     """Runs the paths on the model for up to 2 s, and gives the error of each axis there: their begin, or of paths that
-    are sent once what asks most of the output. Nothing is done in mode open, without a model of every axis, and for
-    models that the simulator cannot play.
+    are sent once what asks most of the output. Nothing is done in mode open, without a model of every axis, and, with a
+    warning, for models that the simulator cannot play.
 
     Raises BadInput when the device would end in a fault, or its output be cut in a tenth of the ticks: the reason, and
     the nearest swing and frequency that work. So it does for a path that goes beyond the slew limit anywhere.
@@ -86,6 +87,9 @@ def rehearse(
     if mode == "open" or stage is None or any(_silent(stage, axis) for axis in waveforms):
         return {}
     check_paths(waveforms, mode, stage)
+    if (unplayed := _unplayed(stage)) is not None:
+        warnings.warn(f"not tried on the model first: {unplayed}", stacklevel=2)
+        return {}
     once, again = ({axis: one for axis, one in waveforms.items() if one.periodic is kind} for kind in (False, True))
     for axis, waveform in once.items():  # it says where
         refuse_voltage_too_fast(axis, waveform, stage.axes[axis], mode)
@@ -136,6 +140,15 @@ def _simulated(stage: Stage) -> Iterator[str]:
         path = Path(folder) / "model.toml"
         virtual_stage(stage).save(path)
         yield f"sim://{path}"
+
+
+def _unplayed(stage: Stage) -> str | None:
+    """Why the simulator cannot play a model; None where it can."""
+    try:
+        plant_parameters(virtual_stage(stage), 0)
+    except BadInput as error:
+        return str(error)
+    return None
 
 
 def _silent(stage: Stage, axis: str) -> bool:

@@ -201,7 +201,7 @@ class Drive:
         )
         return "".join(f"; the output of {one}: a smaller or slower path would not be" for one in each)
 
-    def learned(self, reason: str) -> Learned:
+    def learned(self, reason: str, *, in_fault: bool = False) -> Learned:
         best = self.best
         assert best is not None
         waves = self._waves(best.correction)
@@ -218,4 +218,4 @@ class Drive:
             for axis, wanted in self.wanted.items()
         }
         given = self.given
-        return Learned(given.sha256, given.mode, given.follows, paths, tuple(self.trials), reason)
+        return Learned(given.sha256, given.mode, given.follows, paths, tuple(self.trials), reason, in_fault=in_fault)

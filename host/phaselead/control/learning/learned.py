@@ -90,6 +90,8 @@ class Learned(Result):
     """Why it ended."""
     wave: str = ""
     """The path as it was written, where that is known."""
+    in_fault: bool = False
+    """Whether the device ended it in a fault, which it still latches; what was learned before is kept."""
 
     @property
     def best(self) -> Trial:
@@ -166,6 +168,7 @@ class Learned(Result):
             "mode": self.mode,
             "follows": self.follows,
             "reason": self.reason,
+            "in_fault": self.in_fault,
             "best": best,
             "trials": [_trial_dict(trial) for trial in self.trials],
             "modes": {axis: path.modes for axis, path in self.paths.items()},
@@ -287,8 +290,8 @@ def _read(file: Any) -> Learned:
     trials = tuple(
         Trial(**(each | {"source": Source(*each.get("source", UNKNOWN))})) for each in json.loads(file.attrs["trials"])
     )
-    said = {name: str(file.attrs[name]) for name in ("stage_sha256", "mode", "reason")}
+    stage_sha256, mode, reason = (str(file.attrs[name]) for name in ("stage_sha256", "mode", "reason"))
     if not paths or not any(trial.kept for trial in trials):
         raise ValueError
     wave = str(file.attrs.get("wave", ""))
-    return Learned(follows=file.attrs["follows"], paths=paths, trials=trials, wave=wave, **said)
+    return Learned(stage_sha256, mode, file.attrs["follows"], paths, trials, reason, wave)

@@ -152,7 +152,7 @@ class _Course:
         try:
             first = self._with_moved_modes(first)
         except DeviceFault as error:
-            return self._drive.learned(f"stopped: {error}")
+            return self._drive.learned(f"stopped: {error}", in_fault=True)
         base = self._with_gains(first, self._quieter(first)) if turn_down else first
         end = self._learn(base, first, trials, on_progress)
         while self._wants_more_feedback(end, first) and len(self._drive.trials) <= trials:
@@ -160,7 +160,8 @@ class _Course:
         if turn_down:
             end = self._quieted(end, first, trials, on_progress)
         return self._drive.learned(
-            end.reason + self._about_modes() + self._about_feedback() + self._drive.about_limits()
+            end.reason + self._about_modes() + self._about_feedback() + self._drive.about_limits(),
+            in_fault=end.look is None,
         )
 
     def _with_moved_modes(self, first: Look) -> Look:
