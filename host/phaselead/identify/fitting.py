@@ -127,7 +127,10 @@ def fit(
     doubts = _doubts(recordings)
     coupling = cross_coupling(recordings)
     runs, together = _runs_by_axis(decoupled(recordings, coupling[0]) if coupling else recordings)
-    messages = [f"axis {a} was never driven alone: what it sees of the others is in its fit" for a in together]
+    messages = [
+        f"axis {a} was never driven alone: what it sees of the others is in its fit; record it alone for a model of it"
+        for a in together
+    ]
     own = runs
     if without is not None:
         less = [without(recording) for recording in recordings]

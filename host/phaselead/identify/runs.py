@@ -84,6 +84,8 @@ class AxisRun:
     scored: slice
     axis: str
     source: str
+    r_um: Samples | None = None
+    """The path (n,) that was asked for; None of a voltage that nobody made of one."""
 
     @property
     def step_s(self) -> float:
@@ -148,7 +150,7 @@ def axis_run(recording: Recording, axis: str) -> AxisRun:
         raise BadInput(f"{source}: the voltage of {axis} is constant where it is scored; choose rows where it moves")
     if np.ptp(x[scored]) == 0:
         raise BadInput(f"{source}: the position of {axis} never changes; is the sensor connected and mapped?")
-    return AxisRun(recording.t_s, u, x, scored, axis, source)
+    return AxisRun(recording.t_s, u, x, scored, axis, source, record.r_um)
 
 
 def driven_runs(recording: Recording) -> tuple[dict[str, AxisRun], list[str]]:

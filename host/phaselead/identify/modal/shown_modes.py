@@ -94,6 +94,10 @@ def measured_response(runs: Sequence[AxisRun]) -> MeasuredResponse:
 
     A run counts by what is left of it: what hysteresis leaves of a large slow one hides no small quick one. Runs of too
     few windows to know that are taken together.
+
+    Where a path was asked for, the voltage counts as far as it goes with that, and at lines where the path stands out
+    of the sensor's noise: feedback puts noise into the voltage too, which is no drive (instrumental variables,
+    Soderstrom and Stoica 1983).
     """
     length = _window_rows(runs)
     spectra = [_spectra(run, length) for run in runs]
@@ -114,16 +118,18 @@ def measured_response(runs: Sequence[AxisRun]) -> MeasuredResponse:
 
 
 def _response_of(spectra: NDArray[np.complex128]) -> tuple[Complex, Samples]:
-    """The response (lines,) and its variance, infinite where nothing is driven, from windows (2, windows, lines)."""
-    u, x = spectra
-    drive, across, answer = (np.sum(v, axis=0) for v in (np.abs(u) ** 2, x * u.conj(), np.abs(x) ** 2))
-    driven = drive > 0
+    """The response (lines,) and its variance, infinite where nothing is driven, from windows (3, windows, lines) of
+    instrument, voltage and position."""
+    w, u, x = spectra
+    wanted, drive, across, answer = (np.sum(a * b.conj(), axis=0) for a, b in ((w, w), (u, w), (x, w), (x, x)))
+    driven = np.abs(drive) > 0
     value = np.where(driven, across / np.where(driven, drive, 1.0), 0.0)
-    windows = np.where(driven, drive**2 / np.maximum(np.sum(np.abs(u) ** 4, axis=0), 1e-300), 1.0)
-    left = np.maximum(answer - np.abs(value) ** 2 * drive, 0.0) / np.maximum(1 - 1 / windows, 0.2)
+    told = np.where(driven, np.abs(drive) ** 2 / np.where(driven, wanted.real, 1.0), 0.0)  # power of the voltage
+    windows = np.where(driven, wanted.real**2 / np.maximum(np.sum(np.abs(w) ** 4, axis=0), 1e-300), 1.0)
+    left = np.sum(np.abs(x - value * u) ** 2, axis=0) / np.maximum(1 - 1 / windows, 0.2)
     if u.shape[0] < FEWEST_WINDOWS:  # what is left of a line is told by its neighbours
-        left = _smoothed(answer) - np.abs(_smoothed(across)) ** 2 / np.maximum(_smoothed(drive), 1e-300)
-    return value, np.where(driven, _smoothed(left) / np.maximum(drive * windows, 1e-300), np.inf)
+        left = _smoothed(answer.real) - np.abs(_smoothed(across)) ** 2 / np.maximum(_smoothed(wanted.real), 1e-300)
+    return value, np.where(driven, _smoothed(left) / np.maximum(told * windows, 1e-300), np.inf)
 
 
 def _window_rows(runs: Sequence[AxisRun]) -> int:
@@ -132,12 +138,25 @@ def _window_rows(runs: Sequence[AxisRun]) -> int:
 
 
 def _spectra(run: AxisRun, length: int) -> NDArray[np.complex128]:
-    """(2, windows, lines) of the differences of voltage and position, in which slow motion does not leak into fast."""
-    both = np.diff(np.stack([run.u_V, run.x_um]), axis=1)
-    if both.shape[1] < length:
-        both = np.pad(both, ((0, 0), (0, length - both.shape[1])))
-    parts = np.lib.stride_tricks.sliding_window_view(both, length, axis=1)[:, :: length // 2]
-    return np.asarray(np.fft.rfft(parts * np.hanning(length + 1)[:-1], axis=2))
+    """(3, windows, lines) of the differences, in which slow motion does not leak into fast, of the path that was asked
+    for, else of the voltage, and of voltage and position."""
+    asked = run.u_V if run.r_um is None else run.r_um
+    each = np.diff(np.stack([asked, run.u_V, run.x_um]), axis=1)
+    if each.shape[1] < length:
+        each = np.pad(each, ((0, 0), (0, length - each.shape[1])))
+    parts = np.lib.stride_tricks.sliding_window_view(each, length, axis=1)[:, :: length // 2]
+    window = np.hanning(length + 1)[:-1]
+    spectra = np.asarray(np.fft.rfft(parts * window, axis=2))
+    if run.r_um is not None:
+        turn = np.sin(np.pi * np.fft.rfftfreq(length))
+        noise_um = _noise_um(run.x_um) * 2 * turn * np.sqrt(np.sum(window**2))
+        spectra[0] = np.where(CLEAR * np.abs(spectra[0]) > noise_um, spectra[0], 0.0)
+    return spectra
+
+
+def _noise_um(x_um: Samples) -> float:
+    """White noise of the sensor, rms, from second differences of positions (n,): what moves fast counts as noise."""
+    return float(np.sqrt(np.mean(np.diff(x_um, 2) ** 2) / 6)) if len(x_um) > 2 else 0.0
 
 
 def _smoothed(values: Lines) -> Lines:
