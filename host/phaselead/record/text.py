@@ -251,7 +251,7 @@ def _read_slowly(content: bytes, layout: _Layout, source: str) -> dict[str, Samp
                 number = _line_number(content, layout, row)
                 raise BadInput(
                     f"{source}: line {number}: {name} is {shown(fields[i - 1])}, not a number "
-                    "(decimals take a point); repair the line"
+                    "(decimals take a point); repair the line, or convert the file (phaselead log import)"
                 )
             values[name].append(np.nan if value is None else value)
     return {name: np.array(column) for name, column in values.items()}

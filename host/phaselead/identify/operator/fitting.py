@@ -71,7 +71,7 @@ def fit_operator(runs: Sequence[AxisRun], modes: tuple[Mode, ...] = (), lag_s: f
     delay_s, rest = found.delay_s, found.rest_fraction
     if not _rest_matters(records, basis, found):
         rest = 0.0
-        messages.append("no record starts from rest: the memory at rest is unknown and taken as 0")
+        messages.append("the records do not tell how the memory rests at 0 V: it is taken as 0")
     if _one_frequency(runs):
         delay_s = _shortest_delay_s(records, basis, delay_s, rest)
         messages.append("one frequency cannot tell delay from play: the shortest delay that fits was taken")
