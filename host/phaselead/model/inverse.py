@@ -65,8 +65,8 @@ def compensation(axis: AxisModel) -> Compensation:
     least, at_V = _least_slope(view, axis.limits)
     if least < LEAST_SLOPE:
         raise BadInput(
-            f"its time view falls or stands still at {at_V:.4g} V ({least:.3g} um/V after a turn), so no voltage belongs "
-            "to a position; fit it on records of that range, or narrow its limits"
+            f"its time view falls or stands still at {at_V:.4g} V ({least:.3g} um/V after a turn), so no voltage "
+            "belongs to a position; fit it on records of that range, or narrow its limits"
         )
     entries = _entries(axis)
     k, tau_s = _creep([e.creep_terms(params) for e, params in entries if e.creep_terms is not None])
