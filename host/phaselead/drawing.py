@@ -119,7 +119,8 @@ def samples_figure(columns: Mapping[str, NDArray[np.float64]]) -> Figure:
             if x_um is not None:
                 lower.plot(*thin(t_s, x_um), color=colour, label=axis)
             if r_um is not None:
-                lower.plot(*thin(t_s, r_um), color=GREY, linestyle="--", label=f"{axis}, reference")
+                told = "reference" in lower.get_legend_handles_labels()[1]
+                lower.plot(*thin(t_s, r_um), color=GREY, linestyle="--", label=None if told else "reference")
             if u_V is not None and x_um is not None:
                 loop.plot(*thin(u_V, x_um), color=colour, linewidth=0.9)
         upper.set(ylabel="voltage (V)")

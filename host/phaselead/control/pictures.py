@@ -25,7 +25,7 @@ def tracking_figure(recording: Recording, meant_um: Mapping[str, Samples]) -> Fi
             if axis not in meant_um or record.x_um is None:
                 continue
             t, r, x, error = thin(recording.t_s, meant_um[axis], record.x_um, meant_um[axis] - record.x_um)
-            upper.plot(t, r, color=GREY, linewidth=2.4, alpha=0.6, label=f"{axis}, reference")
+            upper.plot(t, r, color=GREY, linewidth=2.4, alpha=0.6, label=None if upper.lines else "reference")
             upper.plot(t, x, color=AXIS_COLOURS[axis], linewidth=1.0, label=f"{axis}, measured")
             lower.plot(t, error, color=AXIS_COLOURS[axis], linewidth=0.9)
         upper.set(ylabel="position (µm)")
