@@ -1,22 +1,25 @@
-"""What plays alone, and plays beside fading ones, leave of stages with another memory.
+"""What plays alone leave of stages with another memory, and plays beside fading ones or of a bent field.
 
     python benchmarks/memory.py [STAGES]
 
-Stages drawn at random with a Bouc-Wen or a Coleman-Hodgdon loop, a bend, one mode and noise; the models are fitted to
-six records of each and judged on six others, all behind a full loop. Percentages of the travel, rms.
+Stages drawn at random with a Bouc-Wen or a Coleman-Hodgdon loop, or plays of a field that bends, with a curve, one mode
+and noise; the models are fitted to six records of each and judged on six others, all behind a full loop. Percentages of
+the travel, rms.
 """
 
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy.signal import cont2discrete, lfilter
 
-import phaselead.identify.operator.regressors as regressors
 from phaselead.identify import fit
+from phaselead.identify.operator import fitting, regressors
 from phaselead.model import Stage, predict
 from phaselead.record import AxisRecord, Recording, Samples
 
@@ -53,6 +56,32 @@ def coleman_hodgdon(per_s: float) -> Memory:
         return np.array(out)
 
     return memory
+
+
+def plays_of_field(bend: float, width: float) -> Memory:
+    """Ten plays of s + bend (s^2 - 1), in widths of the loop."""
+
+    def memory(s: Samples) -> Samples:
+        v = s + bend * (s**2 - 1)
+        r = np.linspace(0.1, 1.0, 10)
+        at, lag = np.full(10, v[0]), []
+        for volt in v.tolist():
+            at = np.clip(at, volt - r, volt + r)
+            lag.append(float(np.mean((volt - at) / r)))
+        return np.array(lag) - (v - s) / width
+
+    return memory
+
+
+@contextmanager
+def without(module: Any, name: str, value: object) -> Iterator[None]:
+    """A part of the fit left out."""
+    kept = getattr(module, name)
+    setattr(module, name, value)
+    try:
+        yield
+    finally:
+        setattr(module, name, kept)
 
 
 @dataclass
@@ -108,8 +137,7 @@ class Bench:
 
 
 def main(stages: int) -> None:
-    """A line for each stage."""
-    fading = regressors.FADING
+    """A line for each stage and memory."""
     for seed in range(stages):
         rng = np.random.default_rng(seed)
         loops = {
@@ -117,12 +145,18 @@ def main(stages: int) -> None:
             "Coleman-Hodgdon": coleman_hodgdon(rng.uniform(1, 3)),
         }
         for name, memory in loops.items():
-            bench = Bench(rng, memory)
-            fitted, judged = ([bench.record(kind, i) for kind in KINDS] for i in range(2))
-            left = []
-            for regressors.FADING in ((), fading):
-                left.append(bench.left(fit(fitted)[0], judged))
-            print(f"{seed} {name:16} plays alone {left[0]:.3f} %, beside fading ones {left[1]:.3f} %", flush=True)
+            compared(f"{seed} {name}", Bench(rng, memory), "beside fading ones", regressors, "FADING", ())
+        bench = Bench(np.random.default_rng([seed, 1]), lambda s: s)
+        bench.memory = plays_of_field(bench.rng.uniform(0.03, 0.12) * bench.rng.choice([-1, 1]), bench.width)
+        compared(f"{seed} bent field", bench, "of its field", fitting, "in_best_field", lambda records, _: records)
+
+
+def compared(name: str, bench: Bench, beside: str, module: Any, part: str, none: object) -> None:
+    """A line on one stage: what the fit leaves without a part of it, and with it."""
+    fitted, judged = ([bench.record(kind, i) for kind in KINDS] for i in range(2))
+    with without(module, part, none):
+        alone = bench.left(fit(fitted)[0], judged)
+    print(f"{name:18} plays alone {alone:.3f} %, {beside} {bench.left(fit(fitted)[0], judged):.3f} %", flush=True)
 
 
 if __name__ == "__main__":
