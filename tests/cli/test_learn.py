@@ -100,12 +100,26 @@ def test_learning_twice_over_is_refused(run, stage_file, table):
     refused(run(*words), "--learn", "--learned")
 
 
-def test_a_fault_ends_it_with_the_status_of_one_and_what_was_learned(run, stage_file, tmp_path, monkeypatch):
-    """A script went on with a device that latches a fault."""
+@pytest.fixture
+def faulty(monkeypatch):
+    """A device that latches a fault while it learns."""
     ended = End("stopped: fault adc_rail on axis x", None)
     monkeypatch.setattr(_Course, "_learn", lambda *_: ended)
+
+
+@pytest.mark.usefixtures("faulty")
+def test_a_fault_ends_it_with_the_status_of_one_and_what_was_learned(run, stage_file, tmp_path):
+    """A script went on with a device that latches a fault."""
     words = ("learn", "sine:30um@50Hz", "--model", stage_file, "--trials", "2", "-o", tmp_path / "l.h5", "--json", "-")
     outcome = run(*words)
     assert outcome.status == 4
     assert outcome.json["in_fault"]
     assert load_learned(tmp_path / "l.h5").reason.startswith("stopped: fault")
+
+
+@pytest.mark.usefixtures("faulty")
+def test_nothing_is_tracked_after_a_fault_in_learning(run, stage_file):
+    outcome = run("track", "sine:30um@50Hz", "--model", stage_file, "--learn", "2", "--json", "-")
+    assert outcome.status == 4
+    assert outcome.json["learned"]["in_fault"]
+    assert "max_um" not in outcome.json

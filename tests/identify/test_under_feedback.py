@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from phaselead.identify.fitting import fit
 from phaselead.identify.modal.shown_modes import measured_response
-from phaselead.identify.runs import AxisRun
+from phaselead.identify.runs import AxisRun, axis_run
 from phaselead.record.recording import AxisRecord, Recording
 
 RATE_HZ, GAIN, POLE = 5000.0, 10.0, 0.3
@@ -65,3 +66,26 @@ def test_fit_says_no_more_of_modes_than_the_path_can_tell():
     said = " ".join(fit([record])[1].messages)
     assert "no mode looked for" in said
     assert "shows no mode up to" not in said
+
+
+@pytest.mark.parametrize(
+    "path", [lambda r: r / 1000, lambda r: np.full(len(r), 5.0), lambda r: np.full(len(r), np.nan), lambda r: -r]
+)
+def test_what_the_stage_did_not_follow_is_no_path(path):
+    """A set point in millimetres, a constant one, one with gaps: the record is as good as without."""
+    f_Hz = np.arange(4, 400, 4.0)
+    u = np.sin(2 * np.pi * f_Hz[:, None] * T_s + np.arange(len(f_Hz))[:, None] ** 2).sum(axis=0)
+    x = lfilter([0, GAIN * POLE], [1, POLE - 1], u) + 0.01 * np.random.default_rng(2).standard_normal(len(u))
+    plain = axis_run(Recording(T_s, {"x": AxisRecord(u, x)}), "x")
+    beside = axis_run(Recording(T_s, {"x": AxisRecord(u, x, path(GAIN * u))}), "x")
+    assert np.array_equal(measured_response([beside]).f_Hz, measured_response([plain]).f_Hz)
+    assert measured_response([plain]).broadband
+
+
+def test_short_records_with_and_without_a_path_do_not_mix():
+    """One is in um and the other in V."""
+    f_Hz = np.arange(20, 400, 20.0)
+    path_um = np.sin(2 * np.pi * f_Hz[:, None] * T_s[:1000] + np.arange(len(f_Hz))[:, None] ** 2).sum(axis=0)
+    one, other = run_of(path_um), run_of(path_um, told=False)
+    lines = [len(measured_response([one] * 4 + [other] * more).f_Hz) for more in (0, 4)]
+    assert 0 < lines[0] <= lines[1]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Mapping
 
 import click
@@ -36,7 +37,7 @@ from phaselead.control import (
     load_learned,
     parse_outputs,
 )
-from phaselead.errors import BadInput
+from phaselead.errors import BadInput, DeviceRefused
 from phaselead.model import load_stage
 from phaselead.record import RUN_SUFFIXES
 from phaselead.waveforms import examples, parse_waves
@@ -160,6 +161,9 @@ def track(
                     on_progress=advance,
                     on_rehearsed=telling(json_to),
                 )
+            if known.in_fault:
+                emit({"learned": known.as_dict()}, json_to, known.tables())
+                sys.exit(DeviceRefused.exit_status)
         with progress(f"tracking {wave}", 1.0) as advance:
             run = device.track(
                 wave,

@@ -54,11 +54,14 @@ def warnings_said() -> Iterator[None]:
     """What the library warns of meanwhile is said at once and once, before what it warns of happens."""
 
     told: set[str] = set()
+    shown_otherwise = warnings.showwarning
 
-    def said(message: Warning | str, *_where: Any, **_what: Any) -> None:
-        if str(message) not in told:
+    def said(message: Warning | str, category: type[Warning], *where: Any, **more: Any) -> None:
+        if not issubclass(category, UserWarning):  # none of ours
+            shown_otherwise(message, category, *where, **more)
+        elif str(message) not in told:
             warn([str(message)])
-        told.add(str(message))
+            told.add(str(message))
 
     with warnings.catch_warnings():
         warnings.simplefilter("always", UserWarning)

@@ -87,12 +87,14 @@ def rehearse(
     if mode == "open" or stage is None or any(_silent(stage, axis) for axis in waveforms):
         return {}
     check_paths(waveforms, mode, stage)
-    if (unplayed := _unplayed(stage)) is not None:
-        warnings.warn(f"not tried on the model first: {unplayed}", stacklevel=2)
-        return {}
     once, again = ({axis: one for axis, one in waveforms.items() if one.periodic is kind} for kind in (False, True))
     for axis, waveform in once.items():  # it says where
         refuse_voltage_too_fast(axis, waveform, stage.axes[axis], mode)
+    if (unplayed := _unplayed(stage)) is not None:
+        for axis, waveform in again.items():
+            refuse_voltage_too_fast(axis, waveform, stage.axes[axis], mode)
+        warnings.warn(f"not tried on the model first: {unplayed}", stacklevel=2)
+        return {}
     with _simulated(stage) as url:
         try:
             said, errors = _run_on(url, waveforms, mode, stage, gains, duration_s)

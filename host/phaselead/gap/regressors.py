@@ -165,6 +165,6 @@ def mean_slope(axis: AxisModel) -> float:
     """Mean slope in um/V over the fitted range, all plays moving; 1 where it is 0. The axis has a time view."""
     view = axis.time
     assert view is not None
-    low, high = view.u_range_V
+    low, high = map(view.field.at, view.u_range_V)
     bends = sum(s * (high - d) / (high - low) for d, s in zip(view.deadzone_d_V, view.deadzone_s_um_per_V, strict=True))
     return float(abs(view.gain_um_per_V + sum(view.play_w_um_per_V) + bends)) or 1.0

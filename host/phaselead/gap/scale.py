@@ -72,20 +72,23 @@ def unlike_others(final: FinalFit) -> list[str]:
 
 
 def unlike_own_fit(final: FinalFit) -> list[str]:
-    """One line for the held-out records where the model leaves far more of one of them than the fit did that it is of,
-    with nothing found: without reference records it is all that tells what the base leaves by itself."""
+    """One line for the held-out records where the model, with nothing found, leaves far more of one of them than its
+    own fit left: without reference records that is all that tells what the base leaves by itself. None where the stage
+    file does not say."""
     base = final.before[0].axis
     assert base.time is not None
     um = base.time.residual_um_rms
+    if not um:
+        return []
     share = um / (range_um(base) / np.sqrt(8))  # rms of a sine over the range
     far = [(name, one) for name, one in _left_of_each(final, "holdout") if _is_far(one, share, um)]
-    if not um or not far:
+    if not far:
         return []
     name, (most, most_um) = max(far, key=lambda pair: pair[1][0])
     return [
         f"{name}: of its motion the model leaves {digits(100 * most, 2)} %, {digits(most_um, 2)} um, and of those that "
-        f"it was fitted to {digits(um, 2)} um{more_like_it(len(far) - 1)}: give --reference records of when it fitted, "
-        "and training records that move as far"
+        f"it was fitted to {digits(um, 2)} um{more_like_it(len(far) - 1)}: give --reference records of the unchanged "
+        "stage, and training records that move as far"
     ]
 
 

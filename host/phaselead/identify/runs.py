@@ -53,6 +53,8 @@ JUMP_SHARE = 0.05
 SLOW_END = 0.1
 """Of the first steep change of a jump: where the voltage moves more slowly, the jump has not begun or is over. A
 sine-shaped one has gone 0.3 % of its way there."""
+FOLLOWED = 0.5
+"""Of the motion, rms: a path that the position leaves by less was followed."""
 ROWS_BEFORE = 5
 """Whose median is where the stage was before a jump."""
 
@@ -85,7 +87,7 @@ class AxisRun:
     axis: str
     source: str
     r_um: Samples | None = None
-    """The path (n,) that was asked for; None of a voltage that nobody made of one."""
+    """The path (n,) that it followed; None where none was asked for, or what is written down as one was not."""
 
     @property
     def step_s(self) -> float:
@@ -150,7 +152,15 @@ def axis_run(recording: Recording, axis: str) -> AxisRun:
         raise BadInput(f"{source}: the voltage of {axis} is constant where it is scored; choose rows where it moves")
     if np.ptp(x[scored]) == 0:
         raise BadInput(f"{source}: the position of {axis} never changes; is the sensor connected and mapped?")
-    return AxisRun(recording.t_s, u, x, scored, axis, source, record.r_um)
+    r_um = record.r_um if record.r_um is not None and _followed(record.r_um[scored], x[scored]) else None
+    return AxisRun(recording.t_s, u, x, scored, axis, source, r_um)
+
+
+def _followed(r_um: Samples, x_um: Samples) -> bool:
+    """Whether a position (n,) goes with what may be its path: a set point in another unit, or of an output that nobody
+    closed a loop around, says nothing of what the stage was asked to do."""
+    off_um, moved_um = np.std(x_um - r_um), np.std(x_um)
+    return bool(off_um < FOLLOWED * moved_um)  # not where a value is missing
 
 
 def driven_runs(recording: Recording) -> tuple[dict[str, AxisRun], list[str]]:

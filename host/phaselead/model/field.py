@@ -40,6 +40,6 @@ class EffectiveField:
 
 
 EVEN = EffectiveField()
-"""That of most stages."""
+"""The voltage itself."""
 LARGEST_BEND = 0.2
 """The slope of the field changes from 0.6 to 1.4 over the span then, or back."""

@@ -57,7 +57,7 @@ def compensation(axis: AxisModel) -> Compensation:
     """What undoes an axis. Raises BadInput with the reason when nothing does: no time view, or no stable inverse."""
     if axis.time is None:
         raise BadInput("it has no time view; fit or identify it")
-    view = in_time_view(axis, partly=True).time
+    view = in_time_view(axis).time
     assert view is not None
     view = _in_order(view)
     if view.gain_um_per_V < 0 and max(view.play_w_um_per_V, default=0.0) <= 0:
@@ -99,20 +99,19 @@ def coupling(stage: Stage) -> list[list[float]]:
     return matrix
 
 
-def in_time_view(axis: AxisModel, *, partly: bool = False) -> AxisModel:
-    """The same axis with every effect that the time view can express in its time view; ``effects`` keeps the others.
+def in_time_view(axis: AxisModel) -> AxisModel:
+    """The axis with what a time view of an even field can express of its effects in its time view; what that cannot
+    express of them is dropped, and ``effects`` keeps those of which it can express nothing.
 
-    ``partly``: also what it can express of an effect, or in dead zones of a bent field, that it cannot express whole;
-    the rest is dropped. Meant for inversion and upload: sizes given as a share of the range belong to the range before.
-    Raises BadInput for parameters that make no sense.
+    For inversion and upload: sizes given as a share of the range belong to the range before. Raises BadInput for
+    parameters that make no sense.
     """
     if axis.time is None:
         return axis
-    view, kept = in_even_field(axis.time) if partly else axis.time, []
+    view, kept = in_even_field(axis.time), []
     for adopted in axis.effects:
         e, params = _entry(adopted)
-        whole = e.whole_in_time_view is None or e.whole_in_time_view(params)
-        if e.into_time_view is not None and (whole or partly):
+        if e.into_time_view is not None:
             view = e.into_time_view(axis, view, params)
         else:
             kept.append(adopted)

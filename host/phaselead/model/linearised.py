@@ -31,7 +31,7 @@ class SmallSignal:
 
 def small_signal(axis: AxisModel) -> SmallSignal:
     """Raises BadInput when the axis has no time view, or one that falls: the loop's sign is fixed in the firmware."""
-    view = in_time_view(axis, partly=True).time
+    view = in_time_view(axis).time
     if view is None:
         raise BadInput("it has no time view; fit or identify it")
     low, high = slopes_um_per_V(view)

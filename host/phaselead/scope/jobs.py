@@ -10,7 +10,7 @@ from datetime import datetime
 from pathlib import PurePath
 from typing import Any
 
-from phaselead.errors import BadInput
+from phaselead.errors import BadInput, DeviceRefused
 from phaselead.record import gather, write_text
 from phaselead.scope.hub import Hub, Order
 
@@ -100,6 +100,8 @@ def learn(hub: Hub, given: Arguments) -> str:
         found = hub.dev.learn(wave, model=hub.stage, trials=trials, on_progress=hub.progress)
         found.save(hub.new_file(name))
         page = _page(hub, f"learned-{stamp}.html", found, "learn", wave, f"--trials={trials}", "-o", name)
+        if found.in_fault:
+            raise DeviceRefused(f"{found.reason}; what was learned before is in {hub.folder / name}, {page}")
     before, after = found.trials[0].rms_um, found.best.rms_um
     said = (f"{axis} from {before[axis]:.3g} to {after[axis]:.3g} um rms" for axis in before)
     return f"learned {wave}: {', '.join(said)}; {found.reason}; kept in {hub.folder / name}, {page}"

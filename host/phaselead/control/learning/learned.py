@@ -91,7 +91,8 @@ class Learned(Result):
     wave: str = ""
     """The path as it was written, where that is known."""
     in_fault: bool = False
-    """Whether the device ended it in a fault, which it still latches; what was learned before is kept."""
+    """Whether the device ended it in a fault, which it latched then; what was learned before is kept. Of a table that
+    was read from a file it is not known, and false."""
 
     @property
     def best(self) -> Trial:

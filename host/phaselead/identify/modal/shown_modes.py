@@ -1,8 +1,9 @@
 """The frequency response of one axis from records of any kind, and the modes that it shows.
 
-The voltage is known without noise, so the ratio of cross spectrum to drive spectrum is unbiased (H1 estimate; Bendat
-and Piersol 2010, section 6.1), whatever the waveform: a line counts by how far the drive there stands above what is
-left of the position. Hysteresis answers small and fast motion with an almost constant complex gain; so the response is
+Without feedback the voltage holds no noise, so the ratio of cross spectrum to drive spectrum is unbiased (H1 estimate;
+Bendat and Piersol 2010, section 6.1), whatever the waveform; under feedback the path that was followed takes its place
+in both. A line counts by how far the drive there stands above what is left of the position. Hysteresis answers small
+and fast motion with an almost constant complex gain; so the response is
 
     H(f) = e^(-2 pi j f lag) (a0 + j a1 + sum_i (c_i + j b_i) R_i(f))
     R(f) = w^2 / (w^2 - (2 pi f)^2 + 2 j zeta w 2 pi f)
@@ -102,9 +103,11 @@ def measured_response(runs: Sequence[AxisRun]) -> MeasuredResponse:
     length = _window_rows(runs)
     spectra = [_spectra(run, length) for run in runs]
     groups = [one for one in spectra if one.shape[1] >= FEWEST_WINDOWS]
-    short = [one for one in spectra if one.shape[1] < FEWEST_WINDOWS]
-    if short:
-        groups.append(np.concatenate(short, axis=1))
+    for asked in (False, True):  # a path is in um, a voltage in V
+        pairs = zip(runs, spectra, strict=True)
+        short = [one for run, one in pairs if one.shape[1] < FEWEST_WINDOWS and (run.r_um is not None) == asked]
+        if short:
+            groups.append(np.concatenate(short, axis=1))
     values, variances = (np.array(v) for v in zip(*(_response_of(group) for group in groups), strict=True))
     weights = 1 / np.maximum(variances, 1e-300)
     driven = np.isfinite(variances).any(axis=0)
@@ -121,15 +124,17 @@ def _response_of(spectra: NDArray[np.complex128]) -> tuple[Complex, Samples]:
     """The response (lines,) and its variance, infinite where nothing is driven, from windows (3, windows, lines) of
     instrument, voltage and position."""
     w, u, x = spectra
-    wanted, drive, across, answer = (np.sum(a * b.conj(), axis=0) for a, b in ((w, w), (u, w), (x, w), (x, x)))
-    driven = np.abs(drive) > 0
-    value = np.where(driven, across / np.where(driven, drive, 1.0), 0.0)
-    told = np.where(driven, np.abs(drive) ** 2 / np.where(driven, wanted.real, 1.0), 0.0)  # power of the voltage
-    windows = np.where(driven, wanted.real**2 / np.maximum(np.sum(np.abs(w) ** 4, axis=0), 1e-300), 1.0)
+    ww, uw, xw, xx = (np.sum(a * b.conj(), axis=0) for a, b in ((w, w), (u, w), (x, w), (x, x)))
+    driven = np.abs(uw) > 0
+    value, variance = np.zeros(len(uw), dtype=complex), np.full(len(uw), np.inf)
+    value[driven] = xw[driven] / uw[driven]
+    windows = np.where(driven, ww.real**2 / np.maximum(np.sum(np.abs(w) ** 4, axis=0), 1e-300), 1.0)
     left = np.sum(np.abs(x - value * u) ** 2, axis=0) / np.maximum(1 - 1 / windows, 0.2)
     if u.shape[0] < FEWEST_WINDOWS:  # what is left of a line is told by its neighbours
-        left = _smoothed(answer.real) - np.abs(_smoothed(across)) ** 2 / np.maximum(_smoothed(wanted.real), 1e-300)
-    return value, np.where(driven, _smoothed(left) / np.maximum(told * windows, 1e-300), np.inf)
+        left = _smoothed(xx.real) - np.abs(_smoothed(xw)) ** 2 / np.maximum(_smoothed(ww.real), 1e-300)
+    drive = np.abs(uw[driven]) ** 2 / ww.real[driven]  # the power of the voltage that goes with the instrument
+    variance[driven] = _smoothed(left)[driven] / (drive * windows[driven])
+    return value, variance
 
 
 def _window_rows(runs: Sequence[AxisRun]) -> int:

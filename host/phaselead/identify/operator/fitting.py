@@ -34,6 +34,7 @@ PLACED_TURNS, PLACED = 3, 0.98
 """How often thresholds are placed anew, at the delay and the modes that go with those of before; done when the error
 stays above this share of what it was."""
 
+REST_UNTOLD = "the records do not tell how the memory rests at 0 V: it is taken as 0"
 LAG_STEP = 0.001
 """Of the longest lag: how finely the best one is searched. A hundredth was several standard errors."""
 SHORTEST_LAG = 0.02
@@ -71,7 +72,7 @@ def fit_operator(runs: Sequence[AxisRun], modes: tuple[Mode, ...] = (), lag_s: f
     delay_s, rest = found.delay_s, found.rest_fraction
     if not _rest_matters(records, basis, found):
         rest = 0.0
-        messages.append("the records do not tell how the memory rests at 0 V: it is taken as 0")
+        messages.append(REST_UNTOLD)
     if _one_frequency(runs):
         delay_s = _shortest_delay_s(records, basis, delay_s, rest)
         messages.append("one frequency cannot tell delay from play: the shortest delay that fits was taken")
@@ -170,7 +171,11 @@ def place_operator(runs: Sequence[AxisRun], known: OperatorFit, modes: tuple[Mod
             break
         error = found.error
     records, found, messages = told_behind_modes(records, _paying(records, found), known)
-    rest = found.rest_fraction if _rest_matters(records, found.basis, found) else 0.0
+    if known.lag_s and not found.modes:  # without modes nothing tells a lag from the delay
+        return known
+    rest_told = _rest_matters(records, found.basis, found)
+    messages = [*(line for line in messages if line != REST_UNTOLD), *([] if rest_told else [REST_UNTOLD])]
+    rest = found.rest_fraction if rest_told else 0.0
     before = [replace(c, chosen=False) for c in known.choices]
     placed = _of_all_rows(records, replace(found, rest_fraction=rest), modes, (*before, choice), messages)
     return replace(placed, lag_share=known.lag_share)

@@ -21,11 +21,9 @@ from phaselead.model.effects.interface import (
     number,
     with_columns,
 )
-from phaselead.model.operator import merged, range_um, rest_position_um, resting_at, weighed_plays
+from phaselead.model.operator import CURVE_PIECES, merged, range_um, rest_position_um, resting_at, weighed_plays
 
 PLAYS = 8
-BENDS = 16
-"""Straight pieces that the curvature is drawn with in a time view: within 0.4 % of its size."""
 
 
 def apply(signal: Signal, params: Params) -> Samples:
@@ -51,17 +49,13 @@ def into_time_view(axis: AxisModel, view: TimeView, params: Params) -> TimeView:
     """The parabola as straight pieces through its values at their ends; dead zones know nothing of the skew."""
     assert axis.time is not None
     low, high = axis.time.u_range_V
-    knots = np.linspace(low, high, BENDS + 1)
-    share = np.linspace(-1, 1, BENDS + 1)
+    knots = np.linspace(low, high, CURVE_PIECES + 1)
+    share = np.linspace(-1, 1, CURVE_PIECES + 1)
     slopes = np.diff(number(params, "bend") * range_um(axis) * share**2) / np.diff(knots)
     d, s = merged(view.deadzone_d_V, view.deadzone_s_um_per_V, knots[1:-1], np.diff(slopes))
     gain = view.gain_um_per_V + float(slopes[0])
     update = {"gain_um_per_V": gain, "deadzone_d_V": d, "deadzone_s_um_per_V": s}
     return resting_at(view.model_copy(update=update), rest_position_um(view))
-
-
-def whole_in_time_view(params: Params) -> bool:
-    return not number(params, "skew")
 
 
 def _bow_um(params: Params, scene: Scene) -> float:
@@ -96,5 +90,4 @@ EFFECT = Effect(
     basis=basis,
     virtual=virtual,
     into_time_view=into_time_view,
-    whole_in_time_view=whole_in_time_view,
 )
