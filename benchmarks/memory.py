@@ -59,7 +59,7 @@ def coleman_hodgdon(per_s: float) -> Memory:
 
 
 def plays_of_field(bend: float, width: float) -> Memory:
-    """Ten plays of s + bend (s^2 - 1), in widths of the loop."""
+    """The lag of ten plays of the field s + bend (s^2 - 1), and what the field lacks of s, in widths of the loop."""
 
     def memory(s: Samples) -> Samples:
         v = s + bend * (s**2 - 1)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.signal import lfilter
@@ -83,9 +85,11 @@ def test_what_the_stage_did_not_follow_is_no_path(path):
 
 
 def test_short_records_with_and_without_a_path_do_not_mix():
-    """One is in um and the other in V."""
+    """One is in um and the other in V: pooled, the unit of the voltage decided which of them counts."""
     f_Hz = np.arange(20, 400, 20.0)
-    path_um = np.sin(2 * np.pi * f_Hz[:, None] * T_s[:1000] + np.arange(len(f_Hz))[:, None] ** 2).sum(axis=0)
-    one, other = run_of(path_um), run_of(path_um, told=False)
-    lines = [len(measured_response([one] * 4 + [other] * more).f_Hz) for more in (0, 4)]
-    assert 0 < lines[0] <= lines[1]
+    path_um = np.sin(2 * np.pi * f_Hz[:, None] * T_s[:500] + np.arange(len(f_Hz))[:, None] ** 2).sum(axis=0)
+    runs = [run_of(path_um)] * 4 + [run_of(path_um, told=False)] * 4
+    in_V, in_mV = (measured_response([replace(run, u_V=unit * run.u_V) for run in runs]) for unit in (1, 1000))
+    assert len(in_V.f_Hz) > 0
+    assert np.array_equal(in_mV.f_Hz, in_V.f_Hz)
+    assert 1000 * in_mV.value == pytest.approx(in_V.value)

@@ -88,11 +88,9 @@ def rehearse(
         return {}
     check_paths(waveforms, mode, stage)
     once, again = ({axis: one for axis, one in waveforms.items() if one.periodic is kind} for kind in (False, True))
-    for axis, waveform in once.items():  # it says where
-        refuse_voltage_too_fast(axis, waveform, stage.axes[axis], mode)
+    _refuse_too_fast(once, stage, mode)  # it says where
     if (unplayed := _unplayed(stage)) is not None:
-        for axis, waveform in again.items():
-            refuse_voltage_too_fast(axis, waveform, stage.axes[axis], mode)
+        _refuse_too_fast(again, stage, mode)
         warnings.warn(f"not tried on the model first: {unplayed}", stacklevel=2)
         return {}
     with _simulated(stage) as url:
@@ -101,8 +99,7 @@ def rehearse(
         except (BadInput, DeviceRefused):  # the device itself will say so, of where the stage really stands
             return {}
         if said is None:
-            for axis, waveform in again.items():
-                refuse_voltage_too_fast(axis, waveform, stage.axes[axis], mode)
+            _refuse_too_fast(again, stage, mode)
             return errors
         axis = next((name for name in waveforms if f"axis {name}" in said), next(iter(waveforms)))
         if "adc_rail" in said and (unseen := rests_unseen(stage.axes[axis])) is not None:
@@ -142,6 +139,11 @@ def _simulated(stage: Stage) -> Iterator[str]:
         path = Path(folder) / "model.toml"
         virtual_stage(stage).save(path)
         yield f"sim://{path}"
+
+
+def _refuse_too_fast(waveforms: Mapping[str, Waveform], stage: Stage, mode: str) -> None:
+    for axis, waveform in waveforms.items():
+        refuse_voltage_too_fast(axis, waveform, stage.axes[axis], mode)
 
 
 def _unplayed(stage: Stage) -> str | None:

@@ -67,7 +67,7 @@ class GapRun:
     @property
     def as_fitted(self) -> AxisRun:
         """As the fits of ``identify`` take it."""
-        return AxisRun(self.t_s, self.u_V, self.x_um, self.rows, self.axis, self.source, self.r_um)
+        return AxisRun(self.t_s, self.u_V, self.x_um, self.rows, self.axis, self.source)
 
     @cached_property
     def driven(self) -> bool:

@@ -53,10 +53,10 @@ JUMP_SHARE = 0.05
 SLOW_END = 0.1
 """Of the first steep change of a jump: where the voltage moves more slowly, the jump has not begun or is over. A
 sine-shaped one has gone 0.3 % of its way there."""
-FOLLOWED = 0.5
-"""Of the motion, rms: a path that the position leaves by less was followed."""
 ROWS_BEFORE = 5
 """Whose median is where the stage was before a jump."""
+FOLLOWED = 0.5
+"""Of the motion, rms: a path that the position leaves by less was followed."""
 
 
 class SineDrive(NamedTuple):
@@ -154,6 +154,12 @@ def axis_run(recording: Recording, axis: str) -> AxisRun:
         raise BadInput(f"{source}: the position of {axis} never changes; is the sensor connected and mapped?")
     r_um = record.r_um if record.r_um is not None and _followed(record.r_um[scored], x[scored]) else None
     return AxisRun(recording.t_s, u, x, scored, axis, source, r_um)
+
+
+def white_noise_rms(values: Samples) -> float:
+    """Of (n,) samples, from second differences, whose variance is six times that of white noise: what moves fast counts
+    as noise. 0 of fewer than three."""
+    return float(np.sqrt(np.mean(np.diff(values, 2) ** 2) / 6)) if len(values) > 2 else 0.0
 
 
 def _followed(r_um: Samples, x_um: Samples) -> bool:

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from phaselead.errors import BadInput
+from phaselead.identify.runs import white_noise_rms
 from phaselead.model import AxisModel, TimeView, effect, small_signal, steady_loop, turned_view
 from phaselead.quantity import digits
 from phaselead.record import Recording, Samples
@@ -112,4 +113,4 @@ def noise_um_rms(record: Recording, axis: str) -> float | None:
         moved: Samples = np.diff(found.u_V, 2) * float(np.ptp(found.x_um) / np.ptp(found.u_V))
         if np.mean(moved**2) >= np.mean(bends**2):
             return None
-    return float(np.sqrt(np.mean(bends**2) / 6))
+    return white_noise_rms(found.x_um)

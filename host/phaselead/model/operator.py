@@ -3,8 +3,7 @@
     x(t) = offset + gain v + sum_i w_i play_{r_i}[v] + sum_j s_j max(v - d_j, 0),   v(t) = field(u(t - delay))
 
 (Kuhnen 2003, eqs. 5, 8 and 30; the field, ``field.EffectiveField``, is the voltage itself unless it bends). Units: V,
-um, s. "Rest" is 0 V with the plays at ``rest_fraction * r``; the
-sensor reads ``rest_position_um`` there.
+um, s. "Rest" is 0 V with the plays at ``rest_fraction * r``; the sensor reads ``rest_position_um`` there.
 
 Between rows the voltage runs straight, and before the first row it was 0 V, at rest: a record that begins at
 1.8 V began with a step. Only a record that continues another (``initial_plays_V`` given) was at its first

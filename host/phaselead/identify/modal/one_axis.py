@@ -99,7 +99,8 @@ def fit_together(runs: Sequence[AxisRun]) -> tuple[OperatorFit, FittedModes | No
     alone = fit_operator(runs, lag_s=shown.lag_s)
     found = _believed(alone, fit_operator(runs, shown.modes, shown.lag_s), runs) if shown.modes else None
     if len(runs) >= MANY_RUNS:
-        return _placed(alone, *(found or (alone, _ringing_in(alone, runs))), runs)
+        operator, modes = found or (alone, _ringing_in(alone, runs))
+        return _placed(alone, operator, modes, runs)
     return found or _behind_ringing(alone, shown.lag_s, runs)
 
 

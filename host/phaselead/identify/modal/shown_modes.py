@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from phaselead.identify.runs import AxisRun
+from phaselead.identify.runs import AxisRun, white_noise_rms
 from phaselead.model import Complex, Mode
 from phaselead.record import Samples
 
@@ -154,14 +154,9 @@ def _spectra(run: AxisRun, length: int) -> NDArray[np.complex128]:
     spectra = np.asarray(np.fft.rfft(parts * window, axis=2))
     if run.r_um is not None:
         turn = np.sin(np.pi * np.fft.rfftfreq(length))
-        noise_um = _noise_um(run.x_um) * 2 * turn * np.sqrt(np.sum(window**2))
+        noise_um = white_noise_rms(run.x_um) * 2 * turn * np.sqrt(np.sum(window**2))
         spectra[0] = np.where(CLEAR * np.abs(spectra[0]) > noise_um, spectra[0], 0.0)
     return spectra
-
-
-def _noise_um(x_um: Samples) -> float:
-    """White noise of the sensor, rms, from second differences of positions (n,): what moves fast counts as noise."""
-    return float(np.sqrt(np.mean(np.diff(x_um, 2) ** 2) / 6)) if len(x_um) > 2 else 0.0
 
 
 def _smoothed(values: Lines) -> Lines:

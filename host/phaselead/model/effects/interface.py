@@ -302,7 +302,7 @@ class Effect:
 
     # How the device undoes it; an effect with none of these, and no ``rewrite``, is left to feedback.
     into_time_view: Callable[[AxisModel, TimeView, Params], TimeView] | None = None
-    """The time view with what it can express of the effect, the device leaves the rest. The axis is the one that sizes
+    """The time view with what it can express of the effect; the device leaves the rest. The axis is the one that sizes
     "of range" refer to."""
     creep_terms: Callable[[Params], tuple[Samples, Samples]] | None = None
     """k and tau_s, each (m,), of the slow lags that it adds to the position: the device has their inverse."""
