@@ -8,7 +8,7 @@ from bench_stage import Array, record
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from phaselead.identify.modal import fit_together, shares_left
+from phaselead.identify.modal import fit_together, shares_left_by
 from phaselead.identify.runs import AxisRun, axis_run, jumps, longest_delay_s
 from phaselead.model import respond
 from phaselead.model.axis import TimeView
@@ -90,7 +90,7 @@ def test_each_record_is_described_whatever_the_stage_did_before_it(seed):
             for u, way in zip(waves, ways, strict=True)]  # fmt: skip
     operator, modes = fit_together(runs)
     assert modes is None
-    assert max(shares_left(operator, (), runs)) < 0.0015
+    assert max(shares_left_by(operator, None, runs)) < 0.0015
 
 
 @pytest.mark.parametrize("levels_V", [(100.0, 80.0, 60.0), (100.0, 80.0, 60.0, 40.0, 20.0, 10.0), (20.0, 60.0, 100.0)])
@@ -102,4 +102,4 @@ def test_levels_may_fall_or_rise(levels_V):
     runs = [axis_run(record(np.arange(3000) / RATE_HZ, u, after(levels_V[:i], u, rng)), "x")
             for i, u in enumerate(waves)]  # fmt: skip
     operator, _ = fit_together(runs)
-    assert max(shares_left(operator, (), runs)) < 0.003
+    assert max(shares_left_by(operator, None, runs)) < 0.003

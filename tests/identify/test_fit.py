@@ -55,10 +55,12 @@ def test_a_grid_gives_both_views(grid, fitted):
     assert len(model.table.points) == len(grid)
     assert (model.table.swing_V, model.table.f_Hz) == ((0.5, 10.0), (1.0, 20.0))
     assert "a0" in "\n".join(report.lines())
-    (said,) = report.messages
-    assert "a mode at" in said
-    (mode,) = model.effects
-    assert mode.params["f_Hz"] == pytest.approx(200.0, rel=0.02)
+    assert [words in line for words, line in zip(("per decade", "a mode at"), report.messages, strict=True)] == [
+        True
+    ] * 2
+    creep, mode = model.effects
+    assert creep.params["gamma"] == pytest.approx(0.006, rel=0.5)
+    assert np.ravel(mode.params["f_Hz"]) == pytest.approx([200.0], rel=0.02)
     assert model.table == grid_table(grid)
 
 

@@ -9,7 +9,7 @@ from typing import Any, Literal
 
 from phaselead.errors import BadInput, more_like_it
 from phaselead.identify.coupling import CouplingMatrix, cross_coupling, decoupled
-from phaselead.identify.modal import FittedModes, fit_straight, fit_together, measured_response
+from phaselead.identify.modal import FittedModes, fit_straight, fit_together, fit_with_creep, measured_response
 from phaselead.identify.odd_record import about_scale, about_unlike_record, refuse_unlike_others
 from phaselead.identify.operator import OperatorFit
 from phaselead.identify.runs import (
@@ -143,9 +143,9 @@ def fit(
         with explained(f"axis {axis}: the fit leaves what a stage file can hold"):
             if base == "operator":
                 refuse_without_loop(axis_runs)
-                found, mode = fit_together(forward)
+                found, mode = fit_with_creep(forward) if without is None else fit_together(forward)
                 messages += about_scale(axis, axis_runs) or about_unlike_record(axis, forward, found, mode)
-                messages += _about_stillness(axis, axis_runs)
+                messages += _about_creep(axis, found, axis_runs)
                 messages += _about_modes(axis, mode, axis_runs, alone=axis not in together)
                 messages += _about_lag(axis, found)
                 messages += _about_field(axis, found)
@@ -235,7 +235,7 @@ def _axis_model(
     parent: Stage | None, axis: str, time: OperatorFit, table: TableView | None, mode: FittedModes | None
 ) -> AxisModel:
     view = time.view
-    effects = (*_adopted_lag(time), *_adopted_fading(time))
+    effects = (*_adopted_lag(time), *_adopted_fading(time), *_adopted_creep(time))
     if mode is not None:
         view, effect = mode.adopted(view)
         effects = (*effects, effect)
@@ -253,8 +253,12 @@ def _axis_model(
     )
 
 
-def _about_stillness(axis: str, runs: Sequence[AxisRun]) -> list[str]:
-    """What to say of records beside others that mostly stand still."""
+def _about_creep(axis: str, found: OperatorFit, runs: Sequence[AxisRun]) -> list[str]:
+    """How much the stage creeps, or what to say of records beside others that mostly stand still."""
+    if found.creep is not None:
+        return [
+            f"axis {axis}: goes on by {100 * found.creep.per_decade:.2g} % per decade of time; adopted as effect creep"
+        ]
     still = [run.source for run in runs if still_share(run) > MOSTLY_STILL]
     if not still or len(still) == len(runs):
         return []
@@ -323,6 +327,14 @@ def _adopted_fading(found: OperatorFit) -> tuple[AdoptedEffect, ...]:
     if not len(found.fading_r_V):
         return ()
     effect, params = effect_of_fading(found.fading_r_V, found.fading_w_um_per_V, AxisModel(time=found.view))
+    return (AdoptedEffect(name=effect.name, params=params),)
+
+
+def _adopted_creep(found: OperatorFit) -> tuple[AdoptedEffect, ...]:
+    """What was taken out of the records before the fit."""
+    if found.creep is None:
+        return ()
+    effect, params = found.creep.entry
     return (AdoptedEffect(name=effect.name, params=params),)
 
 

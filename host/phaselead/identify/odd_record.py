@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
 from phaselead.errors import BadInput, more_like_it
-from phaselead.identify.modal import FittedModes, fit_together, shares_left
+from phaselead.identify.modal import FittedModes, fit_together, shares_left_by
 from phaselead.identify.operator import OperatorFit
 from phaselead.identify.runs import AxisRun
 from phaselead.model import out_of_scale
@@ -67,7 +66,7 @@ def about_unlike_record(axis: str, runs: Sequence[AxisRun], found: OperatorFit, 
     only where the first leaves more than of one stage."""
     if len(runs) < FEWEST:
         return []
-    shares = _left(found, modes, runs)
+    shares = shares_left_by(found, modes, runs)
     if max(shares) <= OF_ONE_STAGE:
         return []
     for odd in np.argsort(shares)[::-1][:MOST_TRIED].tolist():
@@ -86,13 +85,6 @@ def _left_without(odd: int, runs: Sequence[AxisRun]) -> float:
     """The largest share left of the other runs by a fit of them alone; infinite where they cannot be fitted."""
     others = [run for i, run in enumerate(runs) if i != odd]
     try:
-        return max(_left(*fit_together(others), others))
+        return max(shares_left_by(*fit_together(others), others))
     except BadInput:
         return float("inf")
-
-
-def _left(found: OperatorFit, modes: FittedModes | None, runs: Sequence[AxisRun]) -> list[float]:
-    """Of each run, rms in its own range."""
-    if modes is None:
-        return shares_left(found, (), runs)
-    return shares_left(replace(found, view=modes.adopted(found.view)[0]), modes.modes, runs)

@@ -307,6 +307,13 @@ def _sine_fit(t: Samples, u: Samples, f_Hz: float) -> tuple[Samples, float]:
     return coefficients, float(np.sum((u - coefficients @ basis) ** 2))
 
 
+def one_frequency(runs: Sequence[AxisRun]) -> bool:
+    """Whether all of them are sines of about one frequency: these tell neither a delay nor creep from a loop."""
+    sines = [run.sine for run in runs]
+    found = [sine.f_Hz for sine in sines if sine is not None]
+    return len(found) == len(runs) and max(found) < 1.5 * min(found)
+
+
 def distinct(values: Sequence[float]) -> list[float]:
     """Levels or frequencies that differ by more than ``SAME``, ascending, each the mean of those that it stands for."""
     groups: list[list[float]] = []

@@ -33,6 +33,7 @@ from phaselead.model.effects import (
     catalogue,
     derived_sizes,
     effect,
+    effect_of_creep,
     effect_of_fading,
     effect_of_lag,
     effect_of_modes,
@@ -48,6 +49,7 @@ from phaselead.model.effects import (
     state_weights,
     states,
     states_and_slopes,
+    without_lags,
 )
 from phaselead.model.fading import ALIKE as PLAYS_ALIKE
 from phaselead.model.fading import state_after
@@ -63,6 +65,7 @@ from phaselead.model.operator import (
     respond,
     rest_plays,
     rest_position_um,
+    resting_at,
     turned_view,
 )
 from phaselead.model.prediction import driven_far_beyond, predict
@@ -140,6 +143,7 @@ __all__ = [
     "derived_sizes",
     "driven_far_beyond",
     "effect",
+    "effect_of_creep",
     "effect_of_fading",
     "effect_of_lag",
     "effect_of_modes",
@@ -162,6 +166,7 @@ __all__ = [
     "respond",
     "rest_plays",
     "rest_position_um",
+    "resting_at",
     "rewritten",
     "save_stage",
     "scale_doubt",
@@ -177,4 +182,5 @@ __all__ = [
     "states_and_slopes",
     "steady_loop",
     "turned_view",
+    "without_lags",
 ]

@@ -23,7 +23,7 @@ from phaselead.record import Samples
 APART = 2.0
 """Ratio of a size to that at which it was simulated, up to which another of ``SIZES`` is no nearer."""
 DIFFERENT = 2
-"""Shapes of one effect from which it is begun."""
+"""Shapes of one effect from which it is begun, of different forms where it has some."""
 LEAST_POWER = 1e-6
 """Precision of a size, in squares of its step, below which the records say nothing of it."""
 FINE_MODES = 9
@@ -94,7 +94,8 @@ class Starts:
         ranked = sorted(starts, key=lambda start: (not start.of_size, -start.gain))
         effect = ranked[0].entry[0]
         if effect.peak is None:
-            return ranked[:DIFFERENT]
+            best_of_form = {_form_of(start): start for start in reversed(ranked)}.values()
+            return sorted(ranked, key=lambda start: start not in best_of_form)[:DIFFERENT]
         peaks = _peaks(starts, effect.peak[0])[:DIFFERENT]
         fine = [max([start, *self._nearby(fit, start)], key=lambda one: one.gain) for start in peaks]
         return sorted(fine, key=lambda start: -start.gain)
@@ -176,6 +177,12 @@ class Starts:
             (group, slopes[at], products - taken[np.ix_(at, at)])
             for group, at, products in zip(groups, places, own, strict=True)
         ]
+
+
+def _form_of(start: Start) -> tuple[float, ...]:
+    """The shapes that choose between the forms of an effect: no fit goes from one form to another."""
+    effect, params = start.entry
+    return tuple(params[p.name] for p in effect.parameters if p.between_forms)
 
 
 def _peaks(starts: Sequence[Start], frequency: str) -> list[Start]:

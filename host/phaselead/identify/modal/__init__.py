@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from phaselead.identify.modal.creeping import fit_with_creep
 from phaselead.identify.modal.frequency_domain import (
     JointExperiment,
     common_period,
@@ -9,7 +10,7 @@ from phaselead.identify.modal.frequency_domain import (
     frequency_response,
 )
 from phaselead.identify.modal.model import Drive, ModalModel
-from phaselead.identify.modal.one_axis import FittedModes, fit_straight, fit_together, shares_left
+from phaselead.identify.modal.one_axis import FittedModes, fit_straight, fit_together, shares_left_by
 from phaselead.identify.modal.scoring import score_test
 from phaselead.identify.modal.shown_modes import measured_response
 from phaselead.identify.modal.time_domain import Drives, ModalFit, Shaping, fit_modes
@@ -27,8 +28,9 @@ __all__ = [
     "fit_modes",
     "fit_straight",
     "fit_together",
+    "fit_with_creep",
     "frequency_response",
     "measured_response",
     "score_test",
-    "shares_left",
+    "shares_left_by",
 ]

@@ -128,15 +128,29 @@ def _placed(
 ) -> tuple[OperatorFit, FittedModes | None]:
     """Operator and modes of a grid fitted together, thresholds where they are, where that leaves less: at a tenth of
     its frequency a mode adds 1 % to the motion, which an operator fitted without it bends its loop for."""
-    modes = () if found is None else found.modes
-    behind = operator if found is None else replace(operator, view=found.adopted(operator.view)[0])
-    placed = place_operator(runs, behind, modes)
+    placed = _placed_from(operator, found, runs)
     left = _squares(placed, placed.modes, runs)
-    if left > _squares(behind, modes, runs):
+    if left > sum(share**2 for share in shares_left_by(operator, found, runs)):
         return operator, found
     if not placed.modes:
         return placed, None
     return placed, FittedModes(placed.modes, placed.view.delay_s, left / _squares(alone, (), runs))
+
+
+def _placed_from(operator: OperatorFit, found: FittedModes | None, runs: Sequence[AxisRun]) -> OperatorFit:
+    behind, modes = _behind(operator, found)
+    return place_operator(runs, behind, modes)
+
+
+def go_on(
+    operator: OperatorFit, found: FittedModes | None, runs: Sequence[AxisRun]
+) -> tuple[OperatorFit, FittedModes | None]:
+    """A fit to records that have changed a little, from one to them as they were: thresholds where they are, memories,
+    delay and modes searched from there on."""
+    placed = _placed_from(operator, found, runs)
+    if found is None or not placed.modes:
+        return placed, None
+    return placed, replace(found, modes=placed.modes, delay_s=placed.view.delay_s)
 
 
 def fit_straight(runs: Sequence[AxisRun]) -> OperatorFit:
@@ -166,17 +180,38 @@ def _believed(
 
 def _squares(operator: OperatorFit, modes: tuple[Mode, ...], runs: Sequence[AxisRun]) -> float:
     """Squared residual, each run in its own range."""
-    return sum(share**2 for share in shares_left(operator, modes, runs))
+    return sum(share**2 for share in _shares_left(operator, modes, runs))
 
 
-def shares_left(operator: OperatorFit, modes: tuple[Mode, ...], runs: Sequence[AxisRun]) -> list[float]:
-    """What operator and modes leave of each run, rms about its mean in its own range."""
+def _left_um(operator: OperatorFit, modes: tuple[Mode, ...], runs: Sequence[AxisRun]) -> list[Samples]:
+    """What operator and modes leave of the scored rows of each run, (rows,)."""
     left = []
     beside = [*operator.beside_view(), *([effect_of_modes(modes)] if modes else [])]
     for run, turned_V in zip(runs, _memories_of(operator), strict=True):
         answer = _answer(operator.view, beside, run, turned_V)
-        left.append(float(np.std((run.x_um - answer)[run.scored])) / run.range_um)
+        left.append((run.x_um - answer)[run.scored])
     return left
+
+
+def _shares_left(operator: OperatorFit, modes: tuple[Mode, ...], runs: Sequence[AxisRun]) -> list[float]:
+    """The same, rms about its mean in the range of each run."""
+    each = zip(_left_um(operator, modes, runs), runs, strict=True)
+    return [float(np.std(left_um)) / run.range_um for left_um, run in each]
+
+
+def left_um_by(found: OperatorFit, modes: FittedModes | None, runs: Sequence[AxisRun]) -> list[Samples]:
+    """What a fit leaves of the scored rows of each run, (rows,), with what it has of modes."""
+    return _left_um(*_behind(found, modes), runs)
+
+
+def shares_left_by(found: OperatorFit, modes: FittedModes | None, runs: Sequence[AxisRun]) -> list[float]:
+    """The same, rms about its mean in the range of each run."""
+    return _shares_left(*_behind(found, modes), runs)
+
+
+def _behind(operator: OperatorFit, found: FittedModes | None) -> tuple[OperatorFit, tuple[Mode, ...]]:
+    """The operator with the delay that goes with the modes, and these."""
+    return (operator, ()) if found is None else (replace(operator, view=found.adopted(operator.view)[0]), found.modes)
 
 
 def _memories_of(operator: OperatorFit) -> list[Turns | None]:

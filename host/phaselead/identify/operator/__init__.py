@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from phaselead.identify.operator.creep import Creep
+from phaselead.identify.operator.creeping import apart_from_before, creep_beside
 from phaselead.identify.operator.fitting import fit_linear, fit_operator, place_operator
 from phaselead.identify.operator.regressors import Turns, play_thresholds
 from phaselead.identify.operator.result import OperatorFit, effective_rows
@@ -9,8 +11,11 @@ from phaselead.identify.operator.starting_memories import starting_memory, way_b
 from phaselead.identify.operator.symmetric_plays import fit_plays
 
 __all__ = [
+    "Creep",
     "OperatorFit",
     "Turns",
+    "apart_from_before",
+    "creep_beside",
     "effective_rows",
     "fit_linear",
     "fit_operator",

@@ -19,13 +19,13 @@ from phaselead.identify.operator.placing import fewest_knots, paired_plays
 from phaselead.identify.operator.records import Records, known_rest, searched_from, thinned
 from phaselead.identify.operator.regressors import Basis, ringing_s
 from phaselead.identify.operator.result import Choice, OperatorFit, RecordResidual, effective_rows, standard_errors
-from phaselead.identify.operator.session import from_their_memories, told_behind_modes, weight_known
+from phaselead.identify.operator.session import SEARCH_ROWS, as_known, from_their_memories, told_behind_modes
 from phaselead.identify.operator.solution import PART_PAYS, Solution, centred, moments
-from phaselead.identify.runs import AxisRun
+from phaselead.identify.runs import AxisRun, one_frequency
 from phaselead.model import Mode
 
-MOST_ROWS, SEARCH_ROWS = 30_000, 12_000
-"""Of all records: for the result, and while searching."""
+MOST_ROWS = 30_000
+"""Of all records, for the result."""
 SHORTER_DELAY = 1.05
 """On records of one frequency a delay looks like more play: the shortest is taken that costs at most this factor."""
 REST_MATTERS = 1.001
@@ -73,7 +73,7 @@ def fit_operator(runs: Sequence[AxisRun], modes: tuple[Mode, ...] = (), lag_s: f
     if not _rest_matters(records, basis, found):
         rest = 0.0
         messages.append(REST_UNTOLD)
-    if _one_frequency(runs):
+    if one_frequency(runs):
         delay_s = _shortest_delay_s(records, basis, delay_s, rest)
         messages.append("one frequency cannot tell delay from play: the shortest delay that fits was taken")
     found = replace(found, basis=basis, delay_s=delay_s, rest_fraction=rest)
@@ -144,15 +144,9 @@ def place_operator(runs: Sequence[AxisRun], known: OperatorFit, modes: tuple[Mod
 
     For records of many levels. Sines of one frequency cannot tell delay from play: theirs stays as it is.
     """
-    if _one_frequency(runs):
+    if one_frequency(runs):
         return known
-    memories = [record.turned_V for record in known.records]
-    records = Records(
-        runs,
-        thinned(runs, SEARCH_ROWS, ringing_s=ringing_s(modes), memories=memories),
-        weight_known(known),
-    )
-    records = records.in_field(known.view.field_bend).behind_a_lag(known.lag_s)
+    records = as_known(runs, known, modes)
     fading = len(known.fading_r_V) > 0
     fine, folds = records.basis(*FINEST, fading=fading), folds_of(records.fits)
     found = records.at(fine, known.view.delay_s, known.view.rest_fraction, modes)
@@ -199,12 +193,6 @@ def fit_linear(runs: Sequence[AxisRun], modes: tuple[Mode, ...] = (), lag_s: flo
 def _rest_matters(records: Records, basis: Basis, found: Solution) -> bool:
     errors = [records.at(basis, found.delay_s, r, found.modes).error for r in (found.rest_fraction, -0.9, 0.9)]
     return max(errors) > REST_MATTERS * errors[0]
-
-
-def _one_frequency(runs: Sequence[AxisRun]) -> bool:
-    sines = [run.sine for run in runs]
-    found = [sine.f_Hz for sine in sines if sine is not None]
-    return len(found) == len(runs) and max(found) < 1.5 * min(found)
 
 
 def _shortest_delay_s(records: Records, basis: Basis, delay_s: float, rest: float) -> float:

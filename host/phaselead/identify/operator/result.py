@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from phaselead.identify.operator.creep import Creep
 from phaselead.identify.operator.regressors import FitRun, Turns, with_weight
 from phaselead.identify.operator.solution import Solution, lag_column, linearised
 from phaselead.model import (
@@ -15,6 +16,8 @@ from phaselead.model import (
     TimeView,
     effect_of_fading,
     effect_of_lag,
+    rest_position_um,
+    resting_at,
     turned_view,
 )
 from phaselead.record import Samples
@@ -90,14 +93,23 @@ class OperatorFit:
     """Thresholds (k,) of the fading plays."""
     fading_w_um_per_V: Samples = field(default_factory=lambda: np.zeros(0))
     """Their weights (k,); the gain of the view holds them."""
+    creep: Creep | None = None
+    """That was taken out of the records first; None of those that show none."""
 
     def beside_view(self) -> list[Entry]:
-        """What belongs to the operator and the time view does not hold, as effects: a lag, and what fades."""
+        """What the time view does not hold, as effects: a lag, what fades, and creep."""
         found = [effect_of_lag(self.lag_s)] if self.lag_s else []
         if len(self.fading_r_V):
             axis = AxisModel(time=self.view)
             found.append(effect_of_fading(self.fading_r_V, self.fading_w_um_per_V, axis))
-        return found
+        return [*found, self.creep.entry] if self.creep is not None else found
+
+    def creeping(self, creep: Creep) -> OperatorFit:
+        """The same fit, of records without this creep, as one of the records with it: about where the stage rests it
+        adds nothing."""
+        k, _ = creep.terms
+        view = resting_at(self.view, (1 + float(k.sum())) * rest_position_um(self.view))
+        return replace(self, view=view, creep=creep)
 
     @property
     def lag_ci95_s(self) -> tuple[float, float] | None:
@@ -126,6 +138,10 @@ class OperatorFit:
             lines.insert(3, f"{'lag':14}{1e3 * self.lag_s:12.5g} +- {1e3 * self.std['lag_s'][0]:.2g} ms")
         if view.field_bend:
             lines.append(f"{'field bend':14}{view.field_bend:12.5g} of half the voltage range")
+        if self.creep is not None:
+            lines.append(
+                f"{'creep':14}{100 * self.creep.per_decade:12.5g} % per decade from {self.creep.first_s:.2g} s on"
+            )
         pairs = zip(view.play_r_V, view.play_w_um_per_V, self.std["play_w_um_per_V"], strict=True)
         lines += [f"play {r:<9.4g}{w:12.5g} +- {s:.2g} um/V" for r, w, s in pairs]
         pairs = zip(self.fading_r_V, self.fading_w_um_per_V, self.std["fading_w_um_per_V"], strict=True)

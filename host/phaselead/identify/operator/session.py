@@ -11,8 +11,8 @@ from dataclasses import replace
 import numpy as np
 
 from phaselead.identify.operator.choosing import choose_basis
-from phaselead.identify.operator.records import Records, first_delay_s, known_rest, searched_from
-from phaselead.identify.operator.regressors import FitRun, Turns
+from phaselead.identify.operator.records import Records, first_delay_s, known_rest, searched_from, thinned
+from phaselead.identify.operator.regressors import FitRun, Turns, ringing_s
 from phaselead.identify.operator.result import OperatorFit
 from phaselead.identify.operator.solution import DRIFT, EXACT, LEAST_OFFSET_WEIGHT, Solution, weight_of_offsets
 from phaselead.identify.operator.starting_memories import (
@@ -22,8 +22,11 @@ from phaselead.identify.operator.starting_memories import (
     told_memories,
     with_memories,
 )
+from phaselead.identify.runs import AxisRun
 from phaselead.model import Mode
 
+SEARCH_ROWS = 12_000
+"""Of all records, while searching."""
 SEARCH = (12, 10)
 """Plays and segments before a size is chosen."""
 MEMORY_ROUNDS = 4
@@ -147,6 +150,13 @@ def weight_known(known: OperatorFit) -> float:
     usual_um = float(np.median([one.mean_um for one in known.records]))
     shapes = [float(np.sqrt(max(one.rms_um**2 - one.mean_um**2, 0.0))) / one.range_um for one in known.records]
     return weight_of_offsets([(one.mean_um - usual_um) / one.range_um for one in known.records], shapes)
+
+
+def as_known(runs: Sequence[AxisRun], known: OperatorFit, modes: tuple[Mode, ...]) -> Records:
+    """The records with the memories, the weight of offsets, the field and the lag of a fit."""
+    memories = [record.turned_V for record in known.records]
+    fits = thinned(runs, SEARCH_ROWS, ringing_s=ringing_s(modes), memories=memories)
+    return Records(runs, fits, weight_known(known)).in_field(known.view.field_bend).behind_a_lag(known.lag_s)
 
 
 def told_behind_modes(records: Records, found: Solution, known: OperatorFit) -> tuple[Records, Solution, Sequence[str]]:

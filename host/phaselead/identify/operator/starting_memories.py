@@ -67,16 +67,19 @@ def way_before(
     there straight, or None where it steps there from rest.
 
     As ``starting_memory``, with up to ``MOST_TURNS`` of them: each is believed when it leaves less than ``share`` of
-    what is left without it. One more is tried beside the best few of each number, since of a loop and the way back
-    neither explains much alone. ``about`` is a quicker way to about the same squares, to look for the best by.
+    what is left without it. One more is tried beside the best few of each number, and beside the ends of the range,
+    since of a loop and the way back neither explains much alone. ``about`` is a quicker way to about the same squares,
+    to look for the best by.
     """
     straight: list[Turns | None] = [None, ()] if first_V else [None]
     found = min(straight, key=squares)
     left = squares(found)
     about, points_V = about or squares, _finer_near(first_V, turning_points_V)
     few: list[Turns] = [()]
+    ends: list[Turns] = [(min(points_V),), (max(points_V),)]
     for count in range(1, MOST_TURNS + 1):
-        longer = {more for turns in few for more in _with_another(turns, points_V, first_V)}
+        begun = few if count != 2 else [*few, *ends]
+        longer = {more for turns in begun for more in _with_another(turns, points_V, first_V)}
         few = sorted(longer, key=lambda turns: (about(turns), *map(abs, turns)))[:FEW_WAYS]
         if not few:
             break

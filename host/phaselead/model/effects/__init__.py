@@ -19,6 +19,7 @@ from phaselead.model.effects.filters import (
     relaxed_late,
     resonant,
     second_order_residual,
+    without_lags,
 )
 from phaselead.model.effects.interface import Effect, Entry, ModePart, Params, Signal, rewritten
 from phaselead.model.effects.mode_bank import Complex, modes_of, shares, state_weights, states, states_and_slopes
@@ -49,6 +50,7 @@ __all__ = [
     "catalogue",
     "derived_sizes",
     "effect",
+    "effect_of_creep",
     "effect_of_fading",
     "effect_of_lag",
     "effect_of_modes",
@@ -65,6 +67,7 @@ __all__ = [
     "state_weights",
     "states",
     "states_and_slopes",
+    "without_lags",
 ]
 
 
@@ -97,6 +100,13 @@ def effect_of_modes(modes: Sequence[Mode]) -> tuple[Effect, dict[str, float | tu
 def effect_of_lag(tau_s: float) -> Entry:
     """The effect that lags in front of the operator, and the parameters that it has with this time constant."""
     return next((e, {e.sizes[0].name: tau_s}) for e in _all().values() if e.lag_s is not None)
+
+
+def effect_of_creep(per_decade: float, first_s: float, last_s: float) -> Entry:
+    """The effect that goes on after the voltage has stopped, straight in the logarithm of time between two times, and
+    its parameters."""
+    found = next(e for e in _all().values() if e.creep_terms is not None)
+    return found, {found.sizes[0].name: per_decade, **dict(zip(found.rising, (first_s, last_s), strict=True))}
 
 
 def effect_of_fading(r_V: Samples, w_um_per_V: Samples, axis: AxisModel) -> Entry:

@@ -23,6 +23,10 @@ Mode = tuple[float, float, float]
 """Share of the motion, frequency in Hz, damping ratio."""
 
 
+UNDONE = 1e-9
+"""Of the way: what may be left of lags that are undone."""
+
+
 @cache
 def _kernel() -> ctypes.CDLL:
     functions = ("stage_lags", "stage_second_order", "stage_second_order_residual", "stage_behind_modes")
@@ -43,6 +47,18 @@ def lags(x: ArrayLike, tau_s: Sequence[float] | Samples, gain: Sequence[float] |
     states, y = np.empty(len(coefficients)), np.empty_like(x)
     _kernel().stage_lags(len(x), address(x), len(states), address(coefficients), address(states), address(y))
     return y
+
+
+def without_lags(
+    x: ArrayLike, tau_s: Sequence[float] | Samples, gain: Sequence[float] | Samples, step_s: float
+) -> Samples:
+    """The y of which ``x`` (n,) is y + ``lags`` of y, whose gains, none negative, add up to less than 1."""
+    x, lagging = doubles(x), np.zeros(np.shape(x))
+    least = UNDONE * float(np.ptp(x))
+    while True:
+        before, lagging = lagging, lags(x - lagging, tau_s, gain, step_s)
+        if float(np.abs(lagging - before).max()) <= least:
+            return np.asarray(x - lagging)
 
 
 def _lag_coefficients(tau_s: Samples, gain: Samples, step_s: float) -> Samples:

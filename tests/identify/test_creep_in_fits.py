@@ -1,0 +1,104 @@
+"""Creep beside the operator of any records: how much there is, and none where there is none or nothing tells it.
+
+The stage creeps by a sum of exponentials that is worked out row by row, and answers with a stack of plays.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from any_stage import play_stack
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from phaselead.identify.fitting import fit
+from phaselead.model import lags, without_lags
+from phaselead.record.recording import AxisRecord, Recording
+
+Array = NDArray[np.float64]
+RATE_HZ, SPAN_V = 500.0, 100.0
+
+
+def crept(x: Array, per_decade: float) -> Array:
+    """What goes on after ``x``: five lags to the decade, of equal shares, from 20 ms to 200 s, at rest before."""
+    found = np.zeros(len(x))
+    for tau_s in 0.02 * 10 ** (np.arange(20) / 5):
+        state, keep = 0.0, float(np.exp(-1 / (RATE_HZ * tau_s)))
+        for i, now in enumerate(x.tolist()):
+            state = keep * state + (1 - keep) * now
+            found[i] += per_decade / 5 * state
+    return found
+
+
+def stairs(rng: np.random.Generator) -> Array:
+    """A full scan, then steps of half a second with edges of 20 ms."""
+    scan = SPAN_V * (0.5 - 0.5 * np.cos(2 * np.pi * np.arange(round(4 * RATE_HZ)) / (2 * RATE_HZ)))
+    levels = np.repeat(rng.uniform(0.1, 0.9, 12) * SPAN_V, round(0.5 * RATE_HZ))
+    edge = np.ones(10) / 10
+    return np.concatenate([scan, np.convolve(np.concatenate([np.zeros(9), levels]), edge, "valid")])
+
+
+def wandering(rng: np.random.Generator) -> Array:
+    """Slow sines that begin at 0 V."""
+    t = np.arange(round(10 * RATE_HZ)) / RATE_HZ
+    moved = sum(rng.uniform(0.3, 1) * np.sin(2 * np.pi * f * t) ** 2 for f in (0.13, 0.31, 0.77, 1.9))
+    return np.asarray(0.9 * SPAN_V * moved / np.max(moved))
+
+
+def records(per_decade: float, seed: int = 1) -> list[Recording]:
+    rng, found = np.random.default_rng(seed), []
+    for name, u in (("stairs", stairs(rng)), ("wandering", wandering(rng)), ("more", stairs(rng))):
+        x = play_stack(u, SPAN_V)
+        x = x + crept(x, per_decade) + rng.normal(0, 0.005, len(u))
+        t = np.arange(len(u)) / RATE_HZ
+        found.append(Recording(t, {"x": AxisRecord(u, x)}, slice(None), name, "1" * 64))
+    return found
+
+
+def creep_of(recordings: list[Recording]) -> float:
+    """Per decade, as the stage file has it."""
+    stage, _ = fit(recordings)
+    return sum(float(one.params["gamma"]) for one in stage.axis("x").effects if one.name == "creep")
+
+
+@pytest.mark.parametrize("per_decade", [0.003, 0.01, 0.03])
+def test_what_creeps_is_found_in_any_records(per_decade):
+    assert creep_of(records(per_decade)) == pytest.approx(per_decade, rel=0.15)
+
+
+def test_a_stage_that_does_not_creep_gets_none():
+    assert creep_of(records(0.0)) == 0.0
+
+
+def test_the_sensor_may_count_backwards():
+    turned = [
+        Recording(r.t_s, {"x": AxisRecord(r.axes["x"].u_V, -r.axes["x"].x_um)}, slice(None), r.source, r.sha256)
+        for r in records(0.01)
+    ]
+    assert creep_of(turned) == pytest.approx(creep_of(records(0.01)), rel=0.02)
+
+
+def test_a_sine_of_one_frequency_does_not_tell_creep_from_a_loop():
+    t = np.arange(2000) / RATE_HZ
+    u = SPAN_V * (0.5 - 0.5 * np.cos(2 * np.pi * t))
+    x = play_stack(u, SPAN_V)
+    x = x + crept(x, 0.02)
+    assert creep_of([Recording(t, {"x": AxisRecord(u, x)}, slice(None), "sine", "1" * 64)]) == 0.0
+
+
+def test_a_message_says_how_much():
+    _, report = fit(records(0.01))
+    assert any("% per decade of time; adopted as effect creep" in line for line in report.messages)
+
+
+SHARES = st.lists(st.tuples(st.floats(0.0, 0.1), st.floats(0.01, 100.0)), min_size=1, max_size=8)
+
+
+@given(SHARES, st.integers(0, 2**32 - 1))
+@settings(deadline=None, max_examples=50)
+def test_lags_are_undone(terms, seed):
+    gain, tau_s = map(list, zip(*terms, strict=True))
+    y = np.random.default_rng(seed).normal(size=300).cumsum()
+    x = y + lags(y, tau_s, gain, 0.01)
+    assert without_lags(x, tau_s, gain, 0.01) == pytest.approx(y, abs=1e-7 * float(np.ptp(x)))
