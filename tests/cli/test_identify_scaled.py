@@ -17,8 +17,8 @@ import phaselead as pl
 from phaselead import interrupt
 from phaselead.device.device import Device
 from phaselead.errors import BadInput
-from phaselead.identify import creep as creeping
 from phaselead.identify import experiment as experiments
+from phaselead.identify import held_creep
 from phaselead.identify.fitting import FitReport
 from phaselead.identify.plan import FEWEST, plan_of, plan_seconds
 from phaselead.model import XU_LI_2010, AxisModel, Limits, Stage
@@ -247,17 +247,17 @@ def holds(monkeypatch, ended: BaseException | None = None) -> list[tuple[float, 
     """The highest voltage of each hold that is run, and its steepest rise; ``ended`` comes in the middle of the
     first."""
     held: list[tuple[float, float]] = []
-    hold = creeping.hold
+    hold = held_creep.hold
 
     def watched(device, axis, move):
         if ended is not None:
             raise ended
         capture = hold(device, axis, move)
-        u_V = creeping.recording_of_hold(capture, axis).axes[axis].u_V
+        u_V = held_creep.recording_of_hold(capture, axis).axes[axis].u_V
         held.append((float(u_V.max()), float((u_V[50:] - u_V[:-50]).max()) * 100))
         return capture
 
-    monkeypatch.setattr(creeping, "hold", watched)
+    monkeypatch.setattr(held_creep, "hold", watched)
     return held
 
 
@@ -376,13 +376,13 @@ def test_what_crept_is_not_carried_from_one_session_into_the_next(tmp_path, monk
         with pytest.raises(KeyboardInterrupt):
             dev.identify(**wishes, save=tmp_path)
     began: list[list[float | None]] = []
-    without_creep = creeping.without_creep
+    without_creep = held_creep.without_creep
 
     def watched(records, axis, k, rested_s):
         began.append(list(rested_s))
         return without_creep(records, axis, k, rested_s)
 
-    monkeypatch.setattr(creeping, "without_creep", watched)
+    monkeypatch.setattr(held_creep, "without_creep", watched)
     with pl.connect() as dev:
         first = dev.device.status().tick
         resumed = dev.identify(**wishes, save=tmp_path, resume=True)

@@ -92,3 +92,9 @@ def test_sets_that_are_there_are_not_fitted_anew():
     after = after_exchange(before)
     assert after.keys() == before.keys()
     assert all(after[names] is before[names] for names in before)
+
+
+def test_an_effect_of_several_forms_is_begun_from_more_than_one():
+    """No fit goes from one to another: a softening about the mean was lost behind two about rest, of other times."""
+    starts = Starts(likelihood(), [effect("softening")]).beside(likelihood().fit(()))["softening"]
+    assert len({start.entry[1]["about_mean"] for start in starts}) == len(starts) > 1

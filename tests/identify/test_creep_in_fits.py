@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from phaselead.identify.fitting import fit
+from phaselead.identify.verification import verify
 from phaselead.model import lags, without_lags
 from phaselead.record.recording import AxisRecord, Recording
 
@@ -87,6 +88,39 @@ def test_a_sine_of_one_frequency_does_not_tell_creep_from_a_loop():
     assert creep_of([Recording(t, {"x": AxisRecord(u, x)}, slice(None), "sine", "1" * 64)]) == 0.0
 
 
+def test_one_slow_lag_is_not_called_creep():
+    """Of the sensor, say: 20 ms, which is no straight line in the logarithm of time."""
+    found = []
+    for record in records(0.0):
+        x, keep = record.axes["x"].x_um.copy(), float(np.exp(-1 / (0.02 * RATE_HZ)))
+        for i in range(1, len(x)):
+            x[i] = keep * x[i - 1] + (1 - keep) * x[i]
+        found.append(Recording(record.t_s, {"x": AxisRecord(record.axes["x"].u_V, x)}, slice(None), "slow", "1" * 64))
+    assert creep_of(found) == 0.0
+
+
+@pytest.mark.parametrize("rest_um", [0.0, 50.0])
+def test_what_the_model_predicts_rests_where_the_stage_does(rest_um):
+    """In um, not about the mean: from rest at 0 V, wherever the sensor has its zero."""
+    moved = [
+        Recording(
+            r.t_s, {"x": AxisRecord(r.axes["x"].u_V, r.axes["x"].x_um + rest_um)}, slice(None), r.source, r.sha256
+        )
+        for r in (*records(0.02), *records(0.02, seed=2))
+    ]
+    stage, _ = fit(moved[:3])
+    assert [one.name for one in stage.axis("x").effects] == ["creep"]
+    assert max(one.mean_um for one in verify(stage, moved[3:])) < 0.002 * SPAN_V
+
+
+def test_creep_does_not_depend_on_the_unit():
+    small = [
+        Recording(r.t_s, {"x": AxisRecord(r.axes["x"].u_V, 1e-4 * r.axes["x"].x_um)}, slice(None), r.source, r.sha256)
+        for r in records(0.01)
+    ]
+    assert creep_of(small) == pytest.approx(creep_of(records(0.01)), rel=0.02)
+
+
 def test_a_message_says_how_much():
     _, report = fit(records(0.01))
     assert any("% per decade of time; adopted as effect creep" in line for line in report.messages)
@@ -95,10 +129,16 @@ def test_a_message_says_how_much():
 SHARES = st.lists(st.tuples(st.floats(0.0, 0.1), st.floats(0.01, 100.0)), min_size=1, max_size=8)
 
 
-@given(SHARES, st.integers(0, 2**32 - 1))
+@given(SHARES, st.integers(0, 2**32 - 1), st.floats(-1e6, 1e6), st.booleans())
 @settings(deadline=None, max_examples=50)
-def test_lags_are_undone(terms, seed):
+def test_lags_are_undone(terms, seed, offset, moves):
     gain, tau_s = map(list, zip(*terms, strict=True))
-    y = np.random.default_rng(seed).normal(size=300).cumsum()
+    y = np.random.default_rng(seed).normal(size=300).cumsum() * moves + offset
     x = y + lags(y, tau_s, gain, 0.01)
-    assert without_lags(x, tau_s, gain, 0.01) == pytest.approx(y, abs=1e-7 * float(np.ptp(x)))
+    assert without_lags(x, tau_s, gain, 0.01) == pytest.approx(y, abs=1e-7 * float(np.ptp(x)) + 1e-9 * abs(offset))
+
+
+@pytest.mark.parametrize("gain", [[1.0], [0.6, 0.5], [-0.1]])
+def test_lags_that_cannot_be_undone_are_refused(gain):
+    with pytest.raises(ValueError, match="cannot be undone"):
+        without_lags(np.arange(5.0), [1.0] * len(gain), gain, 0.01)

@@ -142,3 +142,16 @@ def test_the_way_before_a_record_leaves_no_play_where_it_was_not(turned_V):
 
     found = way_before(squares, np.linspace(0.0, 10.0, 13).tolist(), FIRST_V, 0.6)
     assert squares(found) < max(0.3 * squares(None), 0.05)
+
+
+def test_a_loop_through_both_ends_is_found_though_neither_end_alone_explains_much():
+    """One turn near where the record begins leaves less than a turn at either end, ten of the grid do: the loop that
+    leaves nothing is tried all the same."""
+    few = {(10.0, 0.0): 1e-3, (0.0,): 9.0, (10.0,): 9.0}
+
+    def squares(turns: Turns | None) -> float:
+        if turns is None or not turns:
+            return 8.0
+        return few.get(turns, 4.0 + 0.1 * len(turns) + 0.01 * abs(turns[-1] - FIRST_V))
+
+    assert way_before(squares, np.linspace(0.0, 10.0, 25).tolist(), FIRST_V, 0.6) == (10.0, 0.0)

@@ -23,7 +23,7 @@ from phaselead.device import (
     standings,
 )
 from phaselead.errors import BadInput
-from phaselead.identify import creep as creeping
+from phaselead.identify import held_creep
 from phaselead.identify.fit_result import FitResult
 from phaselead.identify.fitting import FitReport, fit
 from phaselead.identify.kept import Kept
@@ -116,7 +116,7 @@ def identify_device(
     try:
         taken = _taken(device, chosen, len(set(axes)) == 1, kept, progress, waits_s)
         holds = {
-            axis: _hold(device, axis, creeping.hold_of(chosen, axis, slew_V_per_s(parent, axis)), kept, progress)
+            axis: _hold(device, axis, held_creep.hold_of(chosen, axis, slew_V_per_s(parent, axis)), kept, progress)
             for axis in held_axes
         }
     except KeyboardInterrupt as ended:
@@ -125,9 +125,9 @@ def identify_device(
     records = [one.recording for one in taken]
     used = [r for r, e in zip(records, chosen, strict=True) if not e.held_out]
     held_out = [r for r, e in zip(records, chosen, strict=True) if e.held_out]
-    k = {axis: creeping.creep_of(record, axis) for axis, record in holds.items()}
+    k = {axis: held_creep.creep_of(record, axis) for axis, record in holds.items()}
     less = _without_creep(chosen, taken, k)
-    found, report = fit(used, name="identified", parent=parent, without=lambda r: less[r.source])
+    found, report = fit(used, name="identified", parent=parent, without=lambda r: less[r.source], creep=False)
     for axis in k:
         found = _with_creep(found, axis, k[axis], report)
     held = provenance_of(None, list(holds.values())).data
@@ -189,8 +189,8 @@ def _hold(device: Device, axis: str, move: Goto, kept: Kept | None, progress: Pr
     known = capture is not None
     if capture is None:
         device.wait(WAIT_S)
-        capture = creeping.hold(device, axis, move)
-    recording = creeping.recording_of_hold(capture, axis)
+        capture = held_creep.hold(device, axis, move)
+    recording = held_creep.recording_of_hold(capture, axis)
     if kept is not None and not known:
         kept.add(capture, recording)
     progress.add(HELD_S)
@@ -206,7 +206,7 @@ def _without_creep(
         mine = [(one, e) for one, e in zip(taken, plan, strict=True) if e.axis == axis]
         pauses = [one.rested_s(before, e.rest_s) for (before, _), (one, e) in itertools.pairwise(mine)]
         records = [one.recording for one, _ in mine]
-        less |= {r.source: r for r in creeping.without_creep(records, axis, shares, [None, *pauses])}
+        less |= {r.source: r for r in held_creep.without_creep(records, axis, shares, [None, *pauses])}
     return less
 
 
@@ -215,9 +215,9 @@ def _with_creep(stage: Stage, axis: str, k: Samples, report: FitReport) -> Stage
     if not k.any():
         report.messages.append(f"axis {axis}: no creep seen while it is held")
         return stage
-    report.messages.append(f"axis {axis}: {creeping.described_creep(k)}; adopted as effect creep")
+    report.messages.append(f"axis {axis}: {held_creep.described_creep(k)}; adopted as effect creep")
     model = stage.axis(axis)
-    model = model.model_copy(update={"effects": (*model.effects, creeping.effect_of_creep(k))})
+    model = model.model_copy(update={"effects": (*model.effects, held_creep.effect_of_hold(k))})
     return stage.model_copy(update={"axes": {**stage.axes, axis: model}})
 
 

@@ -18,6 +18,7 @@ from phaselead.identify.runs import (
     SineDrive,
     driven_axes,
     driven_runs,
+    one_frequency,
     refuse_without_loop,
     sensor_counts_backwards,
     still_share,
@@ -85,6 +86,7 @@ class FitReport:
             axis: {
                 "residual_um_rms": result.view.residual_um_rms,
                 "field_bend": result.view.field_bend,
+                "creep_per_decade": 0.0 if result.creep is None else result.creep.per_decade,
                 "std": {name: [_known(v) for v in values] for name, values in result.std.items()},
                 "records": [vars(record) for record in result.records],
                 "table": [_known_row(vars(row)) for row in compare_with_table_1(self.table[axis])]
@@ -115,12 +117,14 @@ def fit(
     name: str = "fitted",
     parent: Stage | None = None,
     without: Callable[[Recording], Recording] | None = None,
+    creep: bool = True,
 ) -> tuple[Stage, FitReport]:
     """Fit every driven axis of the recordings.
 
     ``base="linear"`` is gain and offset only. ``parent`` gives name, limits, calibration and gains, and its
     hash goes into the provenance. ``without`` takes from a recording what an effect beside the time view does in it;
-    the table view is of what was measured. Raises BadInput, one line, for data that cannot be used.
+    the table view is of what was measured. ``creep``: whether creep is looked for. Raises BadInput, one line, for data
+    that cannot be used.
     """
     _refuse_mixture(recordings)
     recordings, left_out = usable(recordings)
@@ -143,9 +147,9 @@ def fit(
         with explained(f"axis {axis}: the fit leaves what a stage file can hold"):
             if base == "operator":
                 refuse_without_loop(axis_runs)
-                found, mode = fit_with_creep(forward) if without is None else fit_together(forward)
+                found, mode = fit_with_creep(forward) if creep else fit_together(forward)
                 messages += about_scale(axis, axis_runs) or about_unlike_record(axis, forward, found, mode)
-                messages += _about_creep(axis, found, axis_runs)
+                messages += _about_creep(axis, found, axis_runs, looked_for=creep)
                 messages += _about_modes(axis, mode, axis_runs, alone=axis not in together)
                 messages += _about_lag(axis, found)
                 messages += _about_field(axis, found)
@@ -253,14 +257,15 @@ def _axis_model(
     )
 
 
-def _about_creep(axis: str, found: OperatorFit, runs: Sequence[AxisRun]) -> list[str]:
-    """How much the stage creeps, or what to say of records beside others that mostly stand still."""
+def _about_creep(axis: str, found: OperatorFit, runs: Sequence[AxisRun], *, looked_for: bool) -> list[str]:
+    """How much the stage creeps; where nothing tells it, what to say of records beside others that mostly stand
+    still."""
     if found.creep is not None:
         return [
             f"axis {axis}: goes on by {100 * found.creep.per_decade:.2g} % per decade of time; adopted as effect creep"
         ]
     still = [run.source for run in runs if still_share(run) > MOSTLY_STILL]
-    if not still or len(still) == len(runs):
+    if (looked_for and not one_frequency(runs)) or not still or len(still) == len(runs):
         return []
     more = f" and {len(still) - 1} more" if len(still) > 1 else ""
     return [
@@ -335,7 +340,7 @@ def _adopted_creep(found: OperatorFit) -> tuple[AdoptedEffect, ...]:
     if found.creep is None:
         return ()
     effect, params = found.creep.entry
-    return (AdoptedEffect(name=effect.name, params=params),)
+    return (AdoptedEffect(name=effect.name, params=params, share=min(max(found.creep_share, 0.0), 1.0)),)
 
 
 def _describe_modes(axis: str, found: FittedModes) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from phaselead.identify.modal.creeping import fit_with_creep
 from phaselead.identify.modal.frequency_domain import (
     JointExperiment,
     common_period,
@@ -14,6 +13,7 @@ from phaselead.identify.modal.one_axis import FittedModes, fit_straight, fit_tog
 from phaselead.identify.modal.scoring import score_test
 from phaselead.identify.modal.shown_modes import measured_response
 from phaselead.identify.modal.time_domain import Drives, ModalFit, Shaping, fit_modes
+from phaselead.identify.modal.with_creep import fit_with_creep
 
 __all__ = [
     "Drive",

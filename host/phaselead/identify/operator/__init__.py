@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from phaselead.identify.operator.creep import Creep
-from phaselead.identify.operator.creeping import apart_from_before, creep_beside
 from phaselead.identify.operator.fitting import fit_linear, fit_operator, place_operator
 from phaselead.identify.operator.regressors import Turns, play_thresholds
 from phaselead.identify.operator.result import OperatorFit, effective_rows
+from phaselead.identify.operator.solution import PART_PAYS
 from phaselead.identify.operator.starting_memories import starting_memory, way_before
 from phaselead.identify.operator.symmetric_plays import fit_plays
+from phaselead.identify.operator.telling_creep import apart_from_before, creep_beside
 
 __all__ = [
+    "PART_PAYS",
     "Creep",
     "OperatorFit",
     "Turns",

@@ -30,6 +30,12 @@ class Creep:
         assert effect.creep_terms is not None
         return effect.creep_terms(params)
 
+    @property
+    def whole(self) -> float:
+        """How far the stage goes in the end for 1 that it went at once."""
+        k, _ = self.terms
+        return 1 + float(k.sum())
+
     def taken_from(self, run: AxisRun) -> AxisRun:
         """The record without it; the stage had stood where the record begins."""
         k, tau_s = self.terms

@@ -95,6 +95,8 @@ class OperatorFit:
     """Their weights (k,); the gain of the view holds them."""
     creep: Creep | None = None
     """That was taken out of the records first; None of those that show none."""
+    creep_share: float = 0.0
+    """Of the squared residual without it: what it explains."""
 
     def beside_view(self) -> list[Entry]:
         """What the time view does not hold, as effects: a lag, what fades, and creep."""
@@ -105,11 +107,10 @@ class OperatorFit:
         return [*found, self.creep.entry] if self.creep is not None else found
 
     def creeping(self, creep: Creep) -> OperatorFit:
-        """The same fit, of records without this creep, as one of the records with it: about where the stage rests it
-        adds nothing."""
-        k, _ = creep.terms
-        view = resting_at(self.view, (1 + float(k.sum())) * rest_position_um(self.view))
-        return replace(self, view=view, creep=creep)
+        """The same fit, of records without this creep, as one of the records with it; creep that it has is replaced.
+        About where the stage rests creep adds nothing."""
+        bare = rest_position_um(self.view) / (1 if self.creep is None else self.creep.whole)
+        return replace(self, view=resting_at(self.view, bare * creep.whole), creep=creep)
 
     @property
     def lag_ci95_s(self) -> tuple[float, float] | None:

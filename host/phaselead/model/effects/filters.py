@@ -24,7 +24,7 @@ Mode = tuple[float, float, float]
 
 
 UNDONE = 1e-9
-"""Of the way: what may be left of lags that are undone."""
+"""Of the way: what may be left of lags that are undone; each turn leaves the sum of their gains of it."""
 
 
 @cache
@@ -52,13 +52,17 @@ def lags(x: ArrayLike, tau_s: Sequence[float] | Samples, gain: Sequence[float] |
 def without_lags(
     x: ArrayLike, tau_s: Sequence[float] | Samples, gain: Sequence[float] | Samples, step_s: float
 ) -> Samples:
-    """The y of which ``x`` (n,) is y + ``lags`` of y, whose gains, none negative, add up to less than 1."""
-    x, lagging = doubles(x), np.zeros(np.shape(x))
-    least = UNDONE * float(np.ptp(x))
-    while True:
-        before, lagging = lagging, lags(x - lagging, tau_s, gain, step_s)
-        if float(np.abs(lagging - before).max()) <= least:
-            return np.asarray(x - lagging)
+    """The y of which ``x`` (n,) is y + ``lags`` of y, settled at x[0]. Raises ValueError for a negative gain, or gains
+    that add up to 1 and more."""
+    x, in_all = doubles(x), float(np.sum(gain))
+    if not (np.min(gain, initial=0.0) >= 0 and in_all < 1):
+        raise ValueError(f"lags of gains {gain} cannot be undone: none may be negative, and their sum must be below 1")
+    first = x[0] / (1 + in_all)
+    moved = x - x[0]
+    lagging = np.zeros_like(moved)
+    for _ in range(math.ceil(math.log(UNDONE) / math.log(in_all)) if in_all > 0 else 0):
+        lagging = lags(moved - lagging, tau_s, gain, step_s)
+    return np.asarray(first + moved - lagging)
 
 
 def _lag_coefficients(tau_s: Samples, gain: Samples, step_s: float) -> Samples:

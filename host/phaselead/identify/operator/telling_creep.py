@@ -15,11 +15,13 @@ from phaselead.identify.operator.result import OperatorFit, effective_rows
 from phaselead.identify.operator.session import as_known
 from phaselead.identify.operator.solution import EXACT, PART_PAYS, Solution, moments_of, solve_slopes
 from phaselead.identify.runs import AxisRun, one_frequency
-from phaselead.model import AxisModel, Mode, lags
+from phaselead.model import AxisModel, Mode, effect_of_creep, lags
 from phaselead.record import Samples
 
 FIRST_ROWS, FIRST_OF_RECORD = 10, 0.1
 """Where creep may begin: from so many rows on to this share of the longest record."""
+CREEPS_FROM_S = 0.1
+"""Typical of the catalogue: where the straight line of creep begins (Devasia, Eleftheriou and Moheimani 2007)."""
 FIRSTS_A_DECADE = 2
 """Beginnings that are tried: a straight line that begins half a decade off is as good but for its first half decade."""
 BEYOND = 10.0
@@ -32,7 +34,7 @@ MOST_LAGGING = 0.5
 
 def creep_beside(runs: Sequence[AxisRun], known: OperatorFit, modes: tuple[Mode, ...]) -> Creep | None:
     """What creeps beside an operator of the most plays and segments, at the delay, the memories and the modes of
-    ``known``; None where that does not leave much less, or cannot be told.
+    ``known``; None where that does not leave much less, where a quick lag leaves as little, or where nothing tells it.
 
     ``runs`` are as measured, with the creep that ``known`` has.
     """
@@ -44,19 +46,23 @@ def creep_beside(runs: Sequence[AxisRun], known: OperatorFit, modes: tuple[Mode,
     found = less.at(fine, known.view.delay_s, known.view.rest_fraction, modes)
     if found.error < EXACT:
         return None
-    tried = _tried(records.runs)
-    beside = AxisModel(time=known.view)
-    each = (_columns(f, of.run, found, tried, beside) for f, of in zip(records.fits, less.fits, strict=True))
-    of_all = moments_of(records.fits, each, fine.size + len(tried) + 2).sum(axis=0)
+    tried, beside = _tried(records.runs), AxisModel(time=known.view)
+    um_per_V = float(found.slopes[: fine.n_segments].mean())
+    terms = [one.terms for one in tried]
+    terms += [(np.ones(1), np.array([tau_s])) for tau_s in _quick_s(records.runs)]
+    each = (_columns(f, of.run, found, terms, um_per_V, beside) for f, of in zip(records.fits, less.fits, strict=True))
+    of_all = moments_of(records.fits, each, fine.size + len(terms) + 2).sum(axis=0)
     of_all[-2, -2] = 1.0  # the columns are about their means: a unit in place of the offset
     _, without = _solved(of_all, fine.size, fine.n_segments, None)
-    solved = [_solved(of_all, fine.size, fine.n_segments, i) for i in range(len(tried))]
+    solved = [_solved(of_all, fine.size, fine.n_segments, i) for i in range(len(terms))]
     best = min(range(len(tried)), key=lambda i: solved[i][1])
     amount, error = solved[best]
-    if not error**2 < PART_PAYS * without**2:
+    one_lag = min((left for _, left in solved[len(tried) :]), default=np.inf)
+    if not error**2 < PART_PAYS * without**2 or one_lag < error:
         return None
+    effect, _ = tried[best].entry
     k, _ = tried[best].terms
-    return replace(tried[best], per_decade=min(amount, MOST_LAGGING / float(k.sum())))
+    return replace(tried[best], per_decade=min(amount / um_per_V, MOST_LAGGING / float(k.sum()), effect.sizes[0].high))
 
 
 def _less(fit: FitRun, creep: Creep) -> FitRun:
@@ -64,23 +70,42 @@ def _less(fit: FitRun, creep: Creep) -> FitRun:
 
 
 def _tried(runs: Sequence[AxisRun]) -> list[Creep]:
-    """Of 1 per decade, by where it begins."""
+    """Of 1 per decade, by where it begins; within the range of the catalogue."""
     longest_s = max(float(run.t_s[-1] - run.t_s[0]) for run in runs)
-    low_s = FIRST_ROWS * min(run.step_s for run in runs)
-    high_s = max(FIRST_OF_RECORD * longest_s, low_s)
+    low_s = _within(0, FIRST_ROWS * min(run.step_s for run in runs))
+    high_s, last_s = max(_within(0, FIRST_OF_RECORD * longest_s), low_s), _within(1, BEYOND * longest_s)
     count = 1 + round(FIRSTS_A_DECADE * float(np.log10(high_s / low_s)))
-    return [Creep(1.0, first_s, BEYOND * longest_s) for first_s in np.geomspace(low_s, high_s, count).tolist()]
+    return [Creep(1.0, first_s, last_s) for first_s in np.geomspace(low_s, high_s, count).tolist()]
 
 
-def _columns(fit: FitRun, moved: AxisRun, found: Solution, tried: Sequence[Creep], axis: AxisModel) -> Samples:
-    """(rows, slopes + tried + 2): a unit of each slope, of each way to creep after what ``moved`` without it, a column
-    for the offset and the measured position, all about their means and apart from what was before."""
+def _quick_s(runs: Sequence[AxisRun]) -> list[float]:
+    """Time constants, in s, of a single lag that is too quick for creep: of an amplifier, or of a sensor."""
+    low_s = FIRST_ROWS * min(run.step_s for run in runs)
+    count = 1 + round(FIRSTS_A_DECADE * float(np.log10(CREEPS_FROM_S / low_s))) if low_s < CREEPS_FROM_S else 0
+    return [float(tau_s) for tau_s in np.geomspace(low_s, CREEPS_FROM_S, count)]
+
+
+def _within(end: int, time_s: float) -> float:
+    """A time at which creep begins (``end`` 0) or ends (1), moved into its range."""
+    effect, _ = effect_of_creep(TYPICAL, time_s, time_s)
+    (p,) = (p for p in effect.parameters if p.name == effect.rising[end])
+    return float(np.clip(time_s, p.low, p.high))
+
+
+def _columns(
+    fit: FitRun,
+    moved: AxisRun,
+    found: Solution,
+    terms: Sequence[tuple[Samples, Samples]],
+    um_per_V: float,
+    axis: AxisModel,
+) -> Samples:
+    """(rows, slopes + terms + 2): a unit of each slope, of the lags of each of the ``terms`` after what ``moved`` less
+    creep, in V as the slopes are, a column for the offset and the measured position, all about their means and apart
+    from what was before."""
     of_slopes = design_matrix(fit, found.basis, found.delay_s, found.rest_fraction, found.modes)
-    crept = []
-    for creep in tried:
-        k, tau_s = creep.terms
-        crept.append(lags(moved.x_um, tau_s, k, fit.run.step_s)[fit.rows])
-    rest = np.stack([*crept, np.ones(len(fit.rows)), fit.position()], axis=1)
+    lagging = [lags(moved.x_um / um_per_V, tau_s, k, fit.run.step_s)[fit.rows] for k, tau_s in terms]
+    rest = np.stack([*lagging, np.ones(len(fit.rows)), fit.position()], axis=1)
     left_um = fit.position() - of_slopes @ found.slopes
     return apart_from_before(np.concatenate([of_slopes, rest], axis=1), left_um, fit.run, fit.rows, axis)
 
@@ -90,7 +115,8 @@ def apart_from_before(
 ) -> Samples:
     """Columns (rows, k) about their means, without what may have crept on from before the record began, as much of it
     as ``left_um`` (rows,) tells."""
-    effect, params = Creep(TYPICAL, FIRST_ROWS * run.step_s, BEYOND * float(run.t_s[-1] - run.t_s[0])).entry
+    first_s, last_s = _within(0, FIRST_ROWS * run.step_s), _within(1, BEYOND * float(run.t_s[-1] - run.t_s[0]))
+    effect, params = Creep(TYPICAL, first_s, last_s).entry
     assert effect.before_record is not None
     before = effect.before_record((run.t_s - run.t_s[0])[rows], params, axis)
     columns, before = columns - columns.mean(axis=0), before - before.mean(axis=0)
@@ -98,8 +124,8 @@ def apart_from_before(
     return np.asarray(columns - before @ np.linalg.solve(told, before.T @ columns))
 
 
-def _solved(of_all: Samples, slopes: int, n_segments: int, creeping: int | None) -> tuple[float, float]:
-    """The amount of one way to creep beside the slopes, or 0 of none, and the relative error that is left."""
-    kept = [*range(slopes), *([] if creeping is None else [slopes + creeping]), len(of_all) - 2, len(of_all) - 1]
+def _solved(of_all: Samples, slopes: int, n_segments: int, term: int | None) -> tuple[float, float]:
+    """The amount in um/V of one of the terms beside the slopes, or 0 of none, and the relative error that is left."""
+    kept = [*range(slopes), *([] if term is None else [slopes + term]), len(of_all) - 2, len(of_all) - 1]
     found, _, error = solve_slopes(of_all[np.ix_(kept, kept)][None], n_segments, 1.0)
-    return (0.0 if creeping is None else float(found[-1])), error
+    return (0.0 if term is None else float(found[-1])), error

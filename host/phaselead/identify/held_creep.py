@@ -11,7 +11,7 @@ from scipy.optimize import nnls
 
 from phaselead.device import TICK_HZ, Capture, Channel, Device, Mode, recording_of
 from phaselead.identify.plan import HOLD_S, Experiment, name_of_hold
-from phaselead.model import AdoptedEffect, lags
+from phaselead.model import AdoptedEffect, lags, without_lags
 from phaselead.record import Recording, Samples, refuse_gapped
 from phaselead.waveforms import Goto
 
@@ -23,8 +23,6 @@ RINGS_S = 0.1
 """After the move, before it is looked at."""
 EVERY = 100
 """Rows that are averaged, 20 ms, a period of the mains: creep is slow."""
-TURNS = 4
-"""Of what creeps being fed what moved without it: each leaves a share of what the last did, the sum of k."""
 
 
 def hold_of(plan: Sequence[Experiment], axis: str, slew_V_per_s: float) -> Goto:
@@ -92,9 +90,7 @@ def _of_session(records: Sequence[Recording], axis: str, k: Samples, rested_s: S
         assert x_um is not None
         parts += [np.zeros(round(pause_s * TICK_HZ)), x_um - x_um[0]]
     all_um = np.concatenate(parts)
-    crept_um = np.zeros_like(all_um)
-    for _ in range(TURNS):
-        crept_um = lags(all_um - crept_um, TAU_S, k, 1 / TICK_HZ)
+    crept_um = all_um - without_lags(all_um, TAU_S, k, 1 / TICK_HZ)
     crept = np.split(crept_um, np.cumsum([len(part) for part in parts])[:-1])[1::2]
     return (_less(record, axis, crept_um) for record, crept_um in zip(records, crept, strict=True))
 
@@ -105,7 +101,7 @@ def _less(record: Recording, axis: str, crept_um: Samples) -> Recording:
     return replace(record, axes={**record.axes, axis: replace(one, x_um=one.x_um - crept_um)})
 
 
-def effect_of_creep(k: Samples) -> AdoptedEffect:
+def effect_of_hold(k: Samples) -> AdoptedEffect:
     """As a stage file has it."""
     return AdoptedEffect(name="creep", params={"k": tuple(map(float, k)), "tau_s": tuple(map(float, TAU_S))})
 
