@@ -12,6 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+import phaselead as pl
 from phaselead.identify.fitting import fit
 from phaselead.identify.verification import verify
 from phaselead.model import lags, without_lags
@@ -119,6 +120,10 @@ def test_creep_does_not_depend_on_the_unit():
         for r in records(0.01)
     ]
     assert creep_of(small) == pytest.approx(creep_of(records(0.01)), rel=0.02)
+
+
+def test_none_is_looked_for_where_that_is_asked():
+    assert pl.fit(records(0.01), creep=False).model.axis("x").effects == ()
 
 
 def test_a_message_says_how_much():

@@ -39,6 +39,7 @@ def fit(
     records: RecordsLike,
     *,
     base: Base = "operator",
+    creep: bool = True,
     name: str = "fitted",
     parent: StageLike | None = None,
     map: MapLike | None = None,
@@ -46,9 +47,9 @@ def fit(
 ) -> FitResult:
     """Fits a model to recordings: the time view, and the table view where these are sines of several levels.
 
-    ``records`` as for ``read``, or recordings and runs. ``base="linear"`` is gain and offset only. ``parent`` gives
-    name, limits, calibration and gains; where these are nobody's choice, a model that shows a mode gets gains designed
-    for it. The result is taken wherever a model is.
+    ``records`` as for ``read``, or recordings and runs. ``base="linear"`` is gain and offset only. Creep is looked for
+    unless ``creep=False``. ``parent`` gives name, limits, calibration and gains; where these are nobody's choice, a
+    model that shows a mode gets gains designed for it. The result is taken wherever a model is.
 
     Records of which nothing can be used (clipped, gapped, still) are left out: ``report.left_out`` says which and why.
     Raises BadInput, one line, when none remains, none goes round a loop, or rates are mixed, and for another ``base``.
@@ -68,7 +69,8 @@ def fit(
     if base not in get_args(Base):
         raise BadInput(f"base={base!r}: a fit has one of the bases {', '.join(get_args(Base))}")
     found = gather(records, map, rate)
-    stage, report = fit_stage(found, base, name=name, parent=None if parent is None else as_stage(parent))
+    known = None if parent is None else as_stage(parent)
+    stage, report = fit_stage(found, base, name=name, parent=known, creep=creep)
     return FitResult(with_gains(stage), report, found)
 
 

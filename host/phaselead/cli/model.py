@@ -57,6 +57,7 @@ def said_of(fitted: FitResult, verbose: bool) -> list[str]:
 @click.command()
 @records_argument
 @click.option("--base", type=click.Choice(["operator", "linear"]), default="operator", show_default=True)
+@click.option("--no-creep", is_flag=True, help="Look for no creep.")
 @stage_output_option
 @map_option
 @rate_option
@@ -66,6 +67,7 @@ def said_of(fitted: FitResult, verbose: bool) -> list[str]:
 def fit(
     records: tuple[str, ...],
     base: Base,
+    no_creep: bool,
     output: str,
     column_map: str | None,
     rate: str | None,
@@ -77,7 +79,7 @@ def fit(
 
     A recording may carry a window in absolute seconds: rec.csv@5:7. Rows before it warm the model's memory.
     """
-    fitted = fit_stage(read_recordings(records, column_map, rate, doubts=False), base=base)
+    fitted = fit_stage(read_recordings(records, column_map, rate, doubts=False), base=base, creep=not no_creep)
     fitted.save(output, overwrite=overwriting())
     emit(
         fitted.as_dict() | {"output": output},
