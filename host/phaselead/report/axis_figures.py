@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 from matplotlib.figure import Figure
-from matplotlib.ticker import LogFormatter
+from matplotlib.ticker import LogLocator, StrMethodFormatter
 from numpy.typing import NDArray
 from scipy.signal import welch
 
@@ -22,6 +22,10 @@ STEP_S, RESPONSE_S, HOLD_S = 0.06, 2.0, 12.0
 MOVE_S = 0.2
 """Into the hold, so that the mode hardly rings; as the recorded one."""
 SHOWN_HZ = (1.0, 1000.0)
+LEAST_SPAN = 3.0
+"""Of the gains shown, from the middle to either end."""
+PHASES_DEG = (-400.0, -100.0)
+"""Between which the lowest phase shown lies: below it only delays go on."""
 CREEP_FROM_S = 0.3
 """After a step: before it the mode rings. Creep is counted from here."""
 MOST_ROWS = 8192
@@ -63,9 +67,15 @@ def bode_figure(result: FitResult) -> Figure:
                 upper.plot(at_Hz, [p.gain_um_per_V for p in model.table.points], label=f"{axis}, sines", **look)
                 lower.plot(at_Hz, [-p.phase_deg for p in model.table.points], **look)
         upper.set(ylabel="gain (µm/V)")
-        for of_axis in (upper.yaxis.set_major_formatter, upper.yaxis.set_minor_formatter):
-            of_axis(LogFormatter(labelOnlyBase=False, minor_thresholds=(2, 0.5)))
-        lower.set(xlabel="frequency (Hz)", ylabel="phase (deg)", ylim=(-400, 30))
+        low, high = upper.get_ylim()
+        middle = np.sqrt(low * high)
+        upper.set_ylim(min(low, middle / LEAST_SPAN), max(high, middle * LEAST_SPAN))
+        plain = StrMethodFormatter("{x:g}")
+        upper.yaxis.set_major_formatter(plain)
+        upper.yaxis.set_minor_formatter(plain)
+        upper.yaxis.set_minor_locator(LogLocator(subs=(2.0, 5.0)))
+        lowest = min(float(np.min(np.asarray(line.get_ydata()))) for line in lower.get_lines())
+        lower.set(xlabel="frequency (Hz)", ylabel="phase (deg)", ylim=(np.clip(1.1 * lowest, *PHASES_DEG), 30))
         upper.legend(loc="lower left", bbox_to_anchor=(0, 1.0), ncols=6)
         return figure
 
