@@ -5,6 +5,9 @@ The stage creeps by a sum of exponentials that is worked out row by row, and ans
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from any_stage import play_stack
@@ -58,6 +61,12 @@ def records(per_decade: float, seed: int = 1) -> list[Recording]:
     return found
 
 
+def with_positions(changed: Callable[[Array], Array], recordings: list[Recording]) -> list[Recording]:
+    """The same records of another sensor."""
+    axes = [AxisRecord(r.axes["x"].u_V, changed(r.axes["x"].x_um)) for r in recordings]
+    return [replace(r, axes={"x": axis}) for r, axis in zip(recordings, axes, strict=True)]
+
+
 def creep_of(recordings: list[Recording]) -> float:
     """Per decade, as the stage file has it."""
     stage, _ = fit(recordings)
@@ -74,10 +83,7 @@ def test_a_stage_that_does_not_creep_gets_none():
 
 
 def test_the_sensor_may_count_backwards():
-    turned = [
-        Recording(r.t_s, {"x": AxisRecord(r.axes["x"].u_V, -r.axes["x"].x_um)}, slice(None), r.source, r.sha256)
-        for r in records(0.01)
-    ]
+    turned = with_positions(lambda x: -x, records(0.01))
     assert creep_of(turned) == pytest.approx(creep_of(records(0.01)), rel=0.02)
 
 
@@ -89,36 +95,30 @@ def test_a_sine_of_one_frequency_does_not_tell_creep_from_a_loop():
     assert creep_of([Recording(t, {"x": AxisRecord(u, x)}, slice(None), "sine", "1" * 64)]) == 0.0
 
 
-def test_one_slow_lag_is_not_called_creep():
-    """Of the sensor, say: 20 ms, which is no straight line in the logarithm of time."""
-    found = []
-    for record in records(0.0):
-        x, keep = record.axes["x"].x_um.copy(), float(np.exp(-1 / (0.02 * RATE_HZ)))
+@pytest.mark.parametrize("share", [1.0, 0.05])
+def test_a_quick_lag_is_not_called_creep(share):
+    """Of 20 ms, of all that the sensor says or of a twentieth: no straight line in the logarithm of time."""
+
+    def late(x: Array) -> Array:
+        slow, keep = x.copy(), float(np.exp(-1 / (0.02 * RATE_HZ)))
         for i in range(1, len(x)):
-            x[i] = keep * x[i - 1] + (1 - keep) * x[i]
-        found.append(Recording(record.t_s, {"x": AxisRecord(record.axes["x"].u_V, x)}, slice(None), "slow", "1" * 64))
-    assert creep_of(found) == 0.0
+            slow[i] = keep * slow[i - 1] + (1 - keep) * x[i]
+        return (1 - share) * x + share * slow
+
+    assert creep_of(with_positions(late, records(0.0))) == 0.0
 
 
 @pytest.mark.parametrize("rest_um", [0.0, 50.0])
 def test_what_the_model_predicts_rests_where_the_stage_does(rest_um):
     """In um, not about the mean: from rest at 0 V, wherever the sensor has its zero."""
-    moved = [
-        Recording(
-            r.t_s, {"x": AxisRecord(r.axes["x"].u_V, r.axes["x"].x_um + rest_um)}, slice(None), r.source, r.sha256
-        )
-        for r in (*records(0.02), *records(0.02, seed=2))
-    ]
+    moved = with_positions(lambda x: x + rest_um, [*records(0.02), *records(0.02, seed=2)])
     stage, _ = fit(moved[:3])
     assert [one.name for one in stage.axis("x").effects] == ["creep"]
     assert max(one.mean_um for one in verify(stage, moved[3:])) < 0.002 * SPAN_V
 
 
 def test_creep_does_not_depend_on_the_unit():
-    small = [
-        Recording(r.t_s, {"x": AxisRecord(r.axes["x"].u_V, 1e-4 * r.axes["x"].x_um)}, slice(None), r.source, r.sha256)
-        for r in records(0.01)
-    ]
+    small = with_positions(lambda x: 1e-4 * x, records(0.01))
     assert creep_of(small) == pytest.approx(creep_of(records(0.01)), rel=0.02)
 
 

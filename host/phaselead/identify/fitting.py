@@ -340,7 +340,7 @@ def _adopted_creep(found: OperatorFit) -> tuple[AdoptedEffect, ...]:
     if found.creep is None:
         return ()
     effect, params = found.creep.entry
-    return (AdoptedEffect(name=effect.name, params=params, share=min(max(found.creep_share, 0.0), 1.0)),)
+    return (AdoptedEffect(name=effect.name, params=params, share=found.creep_share),)
 
 
 def _describe_modes(axis: str, found: FittedModes) -> str:

@@ -54,7 +54,17 @@ from phaselead.model.effects import (
 from phaselead.model.fading import ALIKE as PLAYS_ALIKE
 from phaselead.model.fading import state_after
 from phaselead.model.field import EVEN, LARGEST_BEND, EffectiveField
-from phaselead.model.inverse import BACKWARDS, KNOTS, PLAYS, SECTIONS, TERMS, Compensation, compensation, coupling
+from phaselead.model.inverse import (
+    BACKWARDS,
+    KNOTS,
+    MOST_CREEP,
+    PLAYS,
+    SECTIONS,
+    TERMS,
+    Compensation,
+    compensation,
+    coupling,
+)
 from phaselead.model.linearised import SmallSignal, small_signal
 from phaselead.model.loop_filter import SECTIONS_IN_LOOP, LoopFilter
 from phaselead.model.operator import (
@@ -94,6 +104,7 @@ __all__ = [
     "LARGEST_BEND",
     "LATCH_S",
     "LONGEST_DELAY_S",
+    "MOST_CREEP",
     "PLAYS",
     "PLAYS_ALIKE",
     "SECTIONS",

@@ -18,6 +18,8 @@ from phaselead.model.sensor_lag import sensor_lag_s
 from phaselead.model.stage_file import Stage
 from phaselead.record import AXES, Samples
 
+MOST_CREEP = 0.5
+"""Sum of what each of its terms adds to the motion."""
 PLAYS, KNOTS, TERMS, SECTIONS = 32, 24, 8, 6
 """What the device holds of each (firmware/core)."""
 LARGEST_THRESHOLD_V = 64.0
@@ -197,7 +199,7 @@ def _creep(each: Sequence[tuple[Samples, Samples]]) -> tuple[tuple[float, ...], 
     """Terms of all of them: what one creeps of the other's creep is small of second order."""
     k = np.concatenate([np.zeros(0), *(k for k, _ in each)])
     tau_s = np.concatenate([np.zeros(0), *(tau_s for _, tau_s in each)])
-    if np.abs(k).sum() > 0.5:
+    if np.abs(k).sum() > MOST_CREEP:
         raise BadInput(f"its creep adds {np.abs(k).sum():.3g} of the motion; the device undoes at most half of it")
     if np.min(tau_s, initial=np.inf) < FASTEST_CREEP_s:
         raise BadInput(

@@ -128,26 +128,22 @@ def _placed(
 ) -> tuple[OperatorFit, FittedModes | None]:
     """Operator and modes of a grid fitted together, thresholds where they are, where that leaves less: at a tenth of
     its frequency a mode adds 1 % to the motion, which an operator fitted without it bends its loop for."""
-    placed = _placed_from(operator, found, runs)
+    behind, modes = _behind(operator, found)
+    placed = place_operator(runs, behind, modes)
     left = _squares(placed, placed.modes, runs)
-    if left > sum(share**2 for share in shares_left_by(operator, found, runs)):
+    if left > _squares(behind, modes, runs):
         return operator, found
     if not placed.modes:
         return placed, None
     return placed, FittedModes(placed.modes, placed.view.delay_s, left / _squares(alone, (), runs))
 
 
-def _placed_from(operator: OperatorFit, found: FittedModes | None, runs: Sequence[AxisRun]) -> OperatorFit:
-    behind, modes = _behind(operator, found)
-    return place_operator(runs, behind, modes)
-
-
 def go_on(
     operator: OperatorFit, found: FittedModes | None, runs: Sequence[AxisRun]
 ) -> tuple[OperatorFit, FittedModes | None]:
-    """A fit to records that have changed a little, from one to them as they were: thresholds where they are, memories,
-    delay and modes searched from there on."""
-    placed = _placed_from(operator, found, runs)
+    """A fit to records that have changed a little, from that to the records as they were: thresholds where they are,
+    memories, delay and modes searched from there on."""
+    placed = place_operator(runs, *_behind(operator, found))
     if found is None or not placed.modes:
         return placed, None
     return placed, replace(found, modes=placed.modes, delay_s=placed.view.delay_s)

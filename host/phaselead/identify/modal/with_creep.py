@@ -27,25 +27,25 @@ def fit_with_creep(runs: Sequence[AxisRun]) -> Found:
     first = _with_creep_beside(without, runs, PART_PAYS * before, anew=len(runs) < MANY_RUNS)
     if first is None:
         return without
-    found = _with_creep_beside(first, runs, _squares(first, runs)) or first
-    operator, modes = found
-    share = 1 - _squares(found, runs) / before
-    return replace(operator, creep_share=share), modes
+    left, (operator, modes) = _with_creep_beside(first[1], runs, first[0]) or first
+    return replace(operator, creep_share=1 - left / before), modes
 
 
-def _with_creep_beside(fit: Found, runs: Sequence[AxisRun], below: float, *, anew: bool = False) -> Found | None:
-    """The fit of the records without what creeps beside ``fit``, from there on; None where nothing creeps, or that
-    leaves no less than ``below`` of the squares. ``anew``: from the beginning as well: where records began is told by
-    what is left of them, and the search is not convex."""
+def _with_creep_beside(
+    fit: Found, runs: Sequence[AxisRun], below: float, *, anew: bool = False
+) -> tuple[float, Found] | None:
+    """The fit of the records without what creeps beside ``fit``, from there on, behind the squares that it leaves; None
+    where nothing creeps, or these are not ``below``. ``anew``: from the beginning as well, since where records began is
+    told by what is left of them, and the search is not convex."""
     operator, modes = fit
     creep = creep_beside(runs, operator, () if modes is None else modes.modes)
     if creep is None:
         return None
     less = [creep.taken_from(run) for run in runs]
     again = [go_on(operator, modes, less), *([fit_together(less)] if anew else [])]
-    tried: list[Found] = [(one.creeping(creep), ringing) for one, ringing in again]
-    best = min(tried, key=lambda one: _squares(one, runs))
-    return best if _squares(best, runs) < below else None
+    fits: list[Found] = [(one.creeping(creep), ringing) for one, ringing in again]
+    best = min(((_squares(one, runs), one) for one in fits), key=lambda pair: pair[0])
+    return best if best[0] < below else None
 
 
 def _squares(fit: Found, runs: Sequence[AxisRun]) -> float:

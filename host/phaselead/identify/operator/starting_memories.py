@@ -79,7 +79,7 @@ def way_before(
     ends: list[Turns] = [(min(points_V),), (max(points_V),)]
     for count in range(1, MOST_TURNS + 1):
         # A scan of the whole range is what most records come after; each end alone may explain less than any turn.
-        begun = [*few, *ends] if count == len(ends[0]) + 1 else few
+        begun = [*few, *ends] if count == 2 else few
         longer = {more for turns in begun for more in _with_another(turns, points_V, first_V)}
         few = sorted(longer, key=lambda turns: (about(turns), *map(abs, turns)))[:FEW_WAYS]
         if not few:

@@ -15,21 +15,15 @@ from phaselead.identify.operator.result import OperatorFit, effective_rows
 from phaselead.identify.operator.session import as_known
 from phaselead.identify.operator.solution import EXACT, PART_PAYS, Solution, moments_of, solve_slopes
 from phaselead.identify.runs import AxisRun, one_frequency
-from phaselead.model import AxisModel, Mode, effect_of_creep, lags
+from phaselead.model import MOST_CREEP, AxisModel, Mode, Parameter, effect_of_creep, lags
 from phaselead.record import Samples
 
 FIRST_ROWS, FIRST_OF_RECORD = 10, 0.1
 """Where creep may begin: from so many rows on to this share of the longest record."""
-CREEPS_FROM_S = 0.1
-"""Typical of the catalogue: where the straight line of creep begins (Devasia, Eleftheriou and Moheimani 2007)."""
 FIRSTS_A_DECADE = 2
 """Beginnings that are tried: a straight line that begins half a decade off is as good but for its first half decade."""
 BEYOND = 10.0
 """Times the longest record that creep goes on for: what is slower is an offset to all of them."""
-TYPICAL = 0.015
-"""Per decade, of ceramics (catalogue of Physik Instrumente: 1 to 2 %): how much may go on from before a record."""
-MOST_LAGGING = 0.5
-"""Sum of the lags' shares: the device inverts no more."""
 
 
 def creep_beside(runs: Sequence[AxisRun], known: OperatorFit, modes: tuple[Mode, ...]) -> Creep | None:
@@ -60,9 +54,8 @@ def creep_beside(runs: Sequence[AxisRun], known: OperatorFit, modes: tuple[Mode,
     one_lag = min((left for _, left in solved[len(tried) :]), default=np.inf)
     if not error**2 < PART_PAYS * without**2 or one_lag < error:
         return None
-    effect, _ = tried[best].entry
     k, _ = tried[best].terms
-    return replace(tried[best], per_decade=min(amount / um_per_V, MOST_LAGGING / float(k.sum()), effect.sizes[0].high))
+    return replace(tried[best], per_decade=min(amount / um_per_V, MOST_CREEP / float(k.sum()), _catalogue()[0].high))
 
 
 def _less(fit: FitRun, creep: Creep) -> FitRun:
@@ -71,25 +64,35 @@ def _less(fit: FitRun, creep: Creep) -> FitRun:
 
 def _tried(runs: Sequence[AxisRun]) -> list[Creep]:
     """Of 1 per decade, by where it begins; within the range of the catalogue."""
+    _, first, last = _catalogue()
     longest_s = max(float(run.t_s[-1] - run.t_s[0]) for run in runs)
-    low_s = _within(0, FIRST_ROWS * min(run.step_s for run in runs))
-    high_s, last_s = max(_within(0, FIRST_OF_RECORD * longest_s), low_s), _within(1, BEYOND * longest_s)
-    count = 1 + round(FIRSTS_A_DECADE * float(np.log10(high_s / low_s)))
-    return [Creep(1.0, first_s, last_s) for first_s in np.geomspace(low_s, high_s, count).tolist()]
+    low_s = _within(first, FIRST_ROWS * min(run.step_s for run in runs))
+    high_s = max(_within(first, FIRST_OF_RECORD * longest_s), low_s)
+    return [Creep(1.0, first_s, _within(last, BEYOND * longest_s)) for first_s in _by_half_decades(low_s, high_s)]
 
 
 def _quick_s(runs: Sequence[AxisRun]) -> list[float]:
-    """Time constants, in s, of a single lag that is too quick for creep: of an amplifier, or of a sensor."""
-    low_s = FIRST_ROWS * min(run.step_s for run in runs)
-    count = 1 + round(FIRSTS_A_DECADE * float(np.log10(CREEPS_FROM_S / low_s))) if low_s < CREEPS_FROM_S else 0
-    return [float(tau_s) for tau_s in np.geomspace(low_s, CREEPS_FROM_S, count)]
+    """Time constants, in s, of a single lag of an amplifier or a sensor: up to where creep typically begins."""
+    low_s, high_s = FIRST_ROWS * min(run.step_s for run in runs), _catalogue()[1].typical
+    return _by_half_decades(low_s, high_s) if low_s < high_s else []
 
 
-def _within(end: int, time_s: float) -> float:
-    """A time at which creep begins (``end`` 0) or ends (1), moved into its range."""
-    effect, _ = effect_of_creep(TYPICAL, time_s, time_s)
-    (p,) = (p for p in effect.parameters if p.name == effect.rising[end])
-    return float(np.clip(time_s, p.low, p.high))
+def _by_half_decades(low_s: float, high_s: float) -> list[float]:
+    count = 1 + round(FIRSTS_A_DECADE * float(np.log10(high_s / low_s)))
+    return [float(at_s) for at_s in np.geomspace(low_s, high_s, count)]
+
+
+def _catalogue() -> tuple[Parameter, Parameter, Parameter]:
+    """Of creep: how much there is per decade, where it begins and where it ends."""
+    effect, params = effect_of_creep(0.0, 0.0, 0.0)
+    by_name = {p.name: p for p in effect.parameters}
+    per_decade, first, last = (by_name[name] for name in params)
+    return per_decade, first, last
+
+
+def _within(p: Parameter, value: float) -> float:
+    """Moved into the range of its parameter."""
+    return float(np.clip(value, p.low, p.high))
 
 
 def _columns(
@@ -113,10 +116,11 @@ def _columns(
 def apart_from_before(
     columns: Samples, left_um: Samples, run: AxisRun, rows: NDArray[np.uintp], axis: AxisModel
 ) -> Samples:
-    """Columns (rows, k) about their means, without what may have crept on from before the record began, as much of it
-    as ``left_um`` (rows,) tells."""
-    first_s, last_s = _within(0, FIRST_ROWS * run.step_s), _within(1, BEYOND * float(run.t_s[-1] - run.t_s[0]))
-    effect, params = Creep(TYPICAL, first_s, last_s).entry
+    """Columns (rows, k) about their means, without what may have crept on from before the record began on a stage that
+    creeps as much as is typical, as much of it as ``left_um`` (rows,) tells."""
+    per_decade, first, last = _catalogue()
+    ends_s = _within(first, FIRST_ROWS * run.step_s), _within(last, BEYOND * float(run.t_s[-1] - run.t_s[0]))
+    effect, params = Creep(per_decade.typical, *ends_s).entry
     assert effect.before_record is not None
     before = effect.before_record((run.t_s - run.t_s[0])[rows], params, axis)
     columns, before = columns - columns.mean(axis=0), before - before.mean(axis=0)
