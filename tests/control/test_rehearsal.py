@@ -2,6 +2,7 @@
 
 import re
 
+import numpy as np
 import pytest
 
 import phaselead as pl
@@ -15,6 +16,7 @@ from phaselead.model.axis import AdoptedEffect, AxisModel, TableView, TimeView
 from phaselead.model.stage_file import Stage
 from phaselead.sim import virtual_stage
 from phaselead.waveforms.catalogue import parse_wave
+from phaselead.waveforms.replaced import Replaced
 
 AXIS = AxisModel(
     time=TimeView(
@@ -43,6 +45,25 @@ def test_a_path_that_is_far_too_fast_is_refused_with_what_works(wave):
     kind, _, rate = re.split("[:@]", wave)
     swing_um = float(re.search(r"a swing of up to ([\d.]+) um", line)[1])
     rehearse({"x": parse_wave(f"{kind}:{0.99 * swing_um}um@{rate}")}, "inverse+pid", STAGE, GAINS)
+
+
+def test_what_works_is_named_also_where_the_device_plays_what_a_late_sensor_is_to_show():
+    """The path that was asked for stayed as large as it was, and nothing worked."""
+    asked = parse_wave("sine:60um@300Hz")
+    with pytest.raises(BadInput) as caught:
+        rehearse({"x": Replaced.as_sensed(asked, 8e-5)}, "inverse+pid", STAGE, GAINS)
+    swing_um = float(re.search(r"a swing of up to ([\d.]+) um", str(caught.value))[1])
+    rehearse({"x": Replaced.as_sensed(asked.scaled(swing=0.99 * swing_um / 60), 8e-5)}, "inverse+pid", STAGE, GAINS)
+
+
+@pytest.mark.parametrize("share", [0.1, 2.5])
+def test_a_learned_table_is_scaled_with_the_path_that_it_is_for(share):
+    asked = parse_wave("sine:20um+30um@50Hz")
+    table = asked.value(np.arange(1024) / 1024 / 50) + 0.1 * np.sin(np.arange(1024))
+    learned = Replaced.of(asked, table, trial_s=1.0)
+    scaled = learned.scaled(swing=share)
+    assert scaled.as_asked.swing == share * asked.swing
+    assert scaled.played == pytest.approx(asked.offset + share * (learned.played - asked.offset))
 
 
 @pytest.mark.parametrize("mode", ["pid", "inverse", "inverse+pid"])

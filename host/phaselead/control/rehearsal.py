@@ -248,7 +248,7 @@ def _nearest(wave: Waveform, works: Callable[[Waveform], bool | None]) -> str:
     kept = replace(wave, asked=True) if isinstance(wave, Goto) else wave  # else all are at the usual speed
     swing = _largest_share(lambda share: works(wave.scaled(swing=share)))
     speed = _largest_share(lambda share: works(kept.scaled(time=1 / share)))
-    ways = [f"a swing of up to {wave.swing * swing:.3g} {wave.unit}"] if swing else []
+    ways = [f"a swing of up to {wave.as_asked.swing * swing:.3g} {wave.unit}"] if swing else []
     if speed:
         slower = wave.f_Hz * speed
         what = "a length" if isinstance(wave, Streamed) else "a move"

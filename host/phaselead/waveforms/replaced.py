@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Self
 
@@ -53,6 +53,13 @@ class Replaced(Sampled):
         for corners."""
         values = played_values(wanted, lag_s, rounding_s)[:: FINE // POINTS]
         return cls.of(wanted, values, lag_s=lag_s, rounding_s=rounding_s)
+
+    def scaled(self, *, swing: float = 1.0, time: float = 1.0) -> Self:
+        wanted = self.wanted.scaled(swing=swing, time=time)
+        if not self.learned:
+            return self.as_sensed(wanted, self.lag_s, self.rounding_s)
+        about = wanted.offset + (self.offset - wanted.offset) * swing
+        return replace(super().scaled(swing=swing, time=time), offset=about, wanted=wanted)
 
     def share(self, turns: Shares) -> Shares:
         asked = self.wanted.value(turns / self.f_Hz)
