@@ -93,3 +93,11 @@ def test_two_records_tell_no_scatter():
     few = [RecordOffset(0.0, 0.0, True), RecordOffset(1.0, 0.1)]
     assert not session_shifts(few, few * 3, few)
     assert not session_shifts(few * 3, few * 3, [])
+
+
+@given(st.integers(0, 10**6), st.floats(0.01, 0.1))
+def test_what_is_unexplained_must_be_small_beside_a_shift_and_no_more(seed, scatter_um):
+    """It may shift the means as well; a zero that moved by many times as much did so by itself."""
+    parts = records(100 * scatter_um, 0.0, scatter_um, seed)
+    assert "offset" in best_explained(session_shifts(*parts, unexplained_um=15 * scatter_um))
+    assert best_explained(session_shifts(*parts, unexplained_um=25 * scatter_um)) == ()

@@ -26,7 +26,7 @@ OF_THE_RICHEST = "what the richest model of all leaves of the training records"
 """What the floor is without reference records."""
 CLEARLY_ABOVE_FLOOR = 2.0
 """Times the floor, which is what the model leaves of the reference records, from which what is left of the held-out
-records may shift their means as well."""
+records is something that may shift their means as well."""
 
 
 @dataclass(frozen=True)
@@ -49,6 +49,12 @@ class FinalFit:
     def rows(self) -> int:
         """Held-out rows."""
         return sum(t.run.stop - t.run.start for t in self.after if t.run.role == "holdout")
+
+    @property
+    def unexplained_um(self) -> float:
+        """RMS that is left of the held-out records beyond the floor, where it is clearly above that."""
+        after, floor = self.gap.after, self.gap.floor
+        return math.sqrt(after**2 - floor**2) if after >= CLEARLY_ABOVE_FLOOR * floor else 0.0
 
     def residuals(self, role: Role) -> list[RunResidual]:
         """Residuals of the final model, about their means. The reference records are without the effects."""

@@ -17,7 +17,7 @@ from phaselead.gap.disturbances import (
 )
 from phaselead.gap.error_rates import ERROR_RATE, FOUND_AGAIN
 from phaselead.gap.findings import Bound, NamedEffect, Spectrum
-from phaselead.gap.goodness_of_fit import CLEARLY_ABOVE_FLOOR, FinalFit
+from phaselead.gap.goodness_of_fit import FinalFit
 from phaselead.model import Effect
 
 _OF_DISTURBANCE, _OF_SHIFT = 1 - FOUND_AGAIN, 1 - ERROR_RATE
@@ -78,11 +78,11 @@ class _MovedZero:
 
 def _moved_zero(final: FinalFit, effects: Sequence[Effect], claimed: set[str]) -> _MovedZero:
     """Test for a zero that moved between the sessions."""
-    shifts = session_shifts(final.offsets("reference"), final.offsets("train"), final.offsets("holdout"))
-    # While more is left, or what is slow was named, that may shift the records as well.
-    little_left = final.gap.after < CLEARLY_ABOVE_FLOOR * final.gap.floor
+    offsets = final.offsets("reference"), final.offsets("train"), final.offsets("holdout")
+    shifts = session_shifts(*offsets, final.unexplained_um)
+    # What is slow and was named may shift the records as well.
     slow = any(effect.slow and effect.name in claimed for effect in effects)
-    shifted = best_explained(shifts) if little_left and not slow else ()
+    shifted = () if slow else best_explained(shifts)
     allowed = {effect.name: effect for effect in effects if effect.name not in claimed}
     explained = set(shifted) <= set(allowed)
     named = [_shifted(allowed[name], shifts[name]) for name in shifted] if explained else []

@@ -18,7 +18,7 @@ from phaselead.model import catalogue
 from phaselead.record import Samples
 
 LEAST_SHIFT = 5.0
-"""Smallest shift that counts, in units of the scatter of single records."""
+"""Smallest shift that counts, in units of the scatter of single records, and of what is unexplained of them."""
 DISTINCT = 2.0
 """Ratio of squared residuals from which a step and a drift can be told apart."""
 AT_REST = 0.2
@@ -55,10 +55,13 @@ class Shift:
 
 
 def session_shifts(
-    reference: Sequence[RecordOffset], train: Sequence[RecordOffset], holdout: Sequence[RecordOffset]
+    reference: Sequence[RecordOffset],
+    train: Sequence[RecordOffset],
+    holdout: Sequence[RecordOffset],
+    unexplained_um: float = 0.0,
 ) -> Mapping[str, Shift]:
     """A step and a drift, each by the name of the effect it would be. A drift that goes on beyond any step refutes the
-    step by itself.
+    step by itself. What is unexplained of the records about their means, rms, may shift these too.
 
     Empty where the records do not suffice: driven ones of both sessions, and ones at rest of both, since anything that
     changes how the stage answers shifts the driven ones alone.
@@ -71,10 +74,12 @@ def session_shifts(
     later, began_s = [*learned, *held], max(r.t_s for r in before)
     names = {e.moves_zero: e.name for e in catalogue().values() if e.moves_zero is not None}
     step, drift = names["at once"], names["steadily"]
-    found = {step: _shift(before, later, held, at_rest, None)}
+    found = {step: _shift(before, later, held, at_rest, None, unexplained_um)}
     if min(r.t_s for r in later) <= began_s:
         return found
-    alone, beyond = (_shift(before, later, held, at_rest, began_s, beyond_step=b) for b in (False, True))
+    alone, beyond = (
+        _shift(before, later, held, at_rest, began_s, unexplained_um, beyond_step=b) for b in (False, True)
+    )
     found[drift] = alone
     if beyond.chance < ERROR_RATE and not (alone.sure and alone.left_um2 <= DISTINCT * beyond.left_um2):
         # Not a step alone; which of the two there is, or both, only a sure drift tells.
@@ -99,6 +104,7 @@ def _shift(
     held: Sequence[RecordOffset],
     at_rest: tuple[Sequence[RecordOffset], Sequence[RecordOffset]],
     began_s: float | None,
+    unexplained_um: float,
     *,
     beyond_step: bool = False,
 ) -> Shift:
@@ -118,7 +124,7 @@ def _shift(
         for r in at_rest[1]
     )
     found_again = p_again < ERROR_RATE and amounts[0] * again[0] > 0
-    sure = seen_at_rest and p < FOUND and found_again and reach > LEAST_SHIFT * scatter
+    sure = seen_at_rest and p < FOUND and found_again and reach > LEAST_SHIFT * max(scatter, unexplained_um)
     freedom = max(len(before) + len(later) - 1 - len(columns), 1)
     half = float(t_distribution.isf(0.025, freedom)) * error
     return Shift(amounts[0], half, bool(sure), scatter**2 * freedom, p)
