@@ -114,3 +114,37 @@ def test_where_the_start_matters_to_the_end_no_window_is_proposed():
     stage = Stage(name="mode", axes={"x": AxisModel(time=VIEW, effects=(hardly,))})
     (line,) = verify(stage, ringing(stood=True, stage=stage)).doubts
     assert line.endswith("that matters to the end: record it with the way from 0 V, and score what comes after")
+
+
+LOOPED = Stage(
+    name="loop",
+    axes={"x": AxisModel(time=VIEW.model_copy(update={"play_r_V": (0.3, 0.8), "play_w_um_per_V": (2.0, 3.0)}))},
+)
+
+
+def from_0_V(turned_V: float | None) -> Recording:
+    """A sine from 0 V on, of a stage at rest, or of one that had come from ``turned_V``."""
+    u_V = 1 - np.cos(2 * np.pi * 2 * T_s)
+    before_V = (
+        np.zeros(1) if turned_V is None else np.r_[0.0, np.linspace(0, turned_V, 500), np.linspace(turned_V, 0, 500)]
+    )
+    t_s = np.arange(-len(before_V), len(T_s)) / RATE_HZ
+    x_um = simulate(LOOPED.axis("x"), t_s, np.r_[before_V, u_V])[len(before_V) :]
+    return recording(t_s=T_s, u_V=u_V, x_um=x_um + np.random.default_rng(2).normal(0, 0.01, len(T_s)), source="rec.csv")
+
+
+def test_a_record_from_0_V_of_a_stage_that_had_come_from_elsewhere_is_told():
+    """Its loop was said to be off by micrometres, of a model that was right."""
+    (line,) = verify(LOOPED, from_0_V(5.0)).doubts
+    assert line.startswith("rec.csv: axis x begins at 0 V, which counts as at rest: that leaves")
+    assert "if the stage had come from about" in line
+    after_s = float(re.search(r" @([\d.]+):", line)[1])
+    late = replace(from_0_V(5.0), scored=slice(int(np.searchsorted(T_s, after_s)), None))
+    found = verify(LOOPED, late)
+    assert found[0].max_um < 0.1
+    assert found.doubts == []
+
+
+def test_a_record_from_rest_is_in_no_doubt_however_wrong_the_model():
+    assert verify(LOOPED, from_0_V(None)).doubts == []
+    assert verify(STAGE, from_0_V(None)).doubts == []

@@ -17,6 +17,8 @@ from phaselead.record import Recording, Samples, slow_gain
 View = Literal["time", "table"]
 CLEARLY_BETTER = 2.0
 """Times less rms, in the rows in which two predictions differ. Chosen: a quarter of the power."""
+TURNS_TRIED = 9
+"""Voltages over the range of the model at which a stage may have turned round before a record that begins at 0 V."""
 TIME_VIEW = 'judge the time view: --view time (in Python view="time")'
 
 
@@ -36,7 +38,7 @@ class Verification:
     gain: float | None = None
     """By which factor the measured position follows the model's, slowly; None where most of it does not."""
     about_start: str = ""
-    """What to say where the record is judged by a step in its first row that probably never was."""
+    """What to say where the record is judged from rest at 0 V and probably began elsewhere."""
 
 
 def verification_dict(verification: Verification) -> dict[str, Any]:
@@ -67,8 +69,6 @@ def verify(
         if not runs:
             raise BadInput(left_out[0])
         predicted = predict(stage, recording) if view == "time" else None
-        away = predicted is not None and not all(run.begins_at_0_V for run in runs.values())
-        stood = predict(stage, recording, stood=True) if away else None
         sha256 = recording.traced.sha256
         for axis, run in runs.items():
             if predicted is None:
@@ -76,8 +76,7 @@ def verify(
                 continue
             stage.axis(axis)
             x_um = _position(predicted, axis)
-            asked = stood is not None and not run.begins_at_0_V
-            about = _about_start(run, x_um, _position(stood, axis), refit_offset) if asked else ""
+            about = _about_start(stage, recording, run, x_um, refit_offset)
             found.append(replace(_judge(run, x_um[run.scored], refit_offset, sha256), about_start=about))
     return found
 
@@ -88,26 +87,55 @@ def _position(predicted: Recording | None, axis: str) -> Samples:
     return x_um
 
 
-def _about_start(run: AxisRun, stepped_um: Samples, stood_um: Samples, refit_offset: bool) -> str:
-    """What to say of a run that does not begin at 0 V and that is described clearly better if the stage had long stood
-    there (``stood_um``, (n,)) than by a step from rest at 0 V (``stepped_um``). Nothing where the two say the same."""
-    stepped, stood = (run.x_um[run.scored] - x_um[run.scored] for x_um in (stepped_um, stood_um))
+def _about_start(stage: Stage, recording: Recording, run: AxisRun, rested_um: Samples, refit_offset: bool) -> str:
+    """What to say of a run that is described clearly better from elsewhere than from rest at 0 V (``rested_um``, (n,)).
+    Nothing where the two say the same."""
+
+    def left_um(turned_V: tuple[float, ...]) -> Samples:
+        predicted = predict(stage, recording, turned_V={run.axis: turned_V})
+        return (run.x_um - _position(predicted, run.axis))[run.scored]
+
+    rested = (run.x_um - rested_um)[run.scored]
+    tried = {turned_V: left_um(turned_V) for turned_V in _ways(stage, run, rested)}
+    if not tried:
+        return ""
+    way, elsewhere = min(tried.items(), key=lambda one: float(np.std(one[1])))
     # Rows in which the two differ by less than the better one is off anyway tell nothing.
-    differ = np.flatnonzero(np.abs(stepped - stood) > np.std(stood))
-    offset_um = stood.mean() if refit_offset else 0.0
-    rms_um = [float(np.sqrt(np.mean((e[differ] - offset_um) ** 2))) if differ.size else 0.0 for e in (stepped, stood)]
+    differ = np.flatnonzero(np.abs(rested - elsewhere) > np.std(elsewhere))
+    offset_um = elsewhere.mean() if refit_offset else 0.0
+    both = (rested, elsewhere)
+    rms_um = [float(np.sqrt(np.mean((e[differ] - offset_um) ** 2))) if differ.size else 0.0 for e in both]
     if rms_um[0] <= CLEARLY_BETTER * rms_um[1]:
         return ""
+    at = f"{run.source}: axis {run.axis} begins at {run.u_V[0]:.3g} V"
+    if way:
+        said = (
+            f"{at}, which counts as at rest: that leaves {rms_um[0]:.3g} um rms where it matters, {rms_um[1]:.3g} if "
+            f"the stage had come from about {way[0]:.3g} V. If it had, "
+        )
+    else:
+        said = (
+            f"{at}, which counts as a step from rest at 0 V: it leaves {rms_um[0]:.3g} um rms where that matters, "
+            f"{rms_um[1]:.3g} if the stage had long stood there. If it had, "
+        )
     t_s = run.t_s[run.scored]
-    said = (
-        f"{run.source}: axis {run.axis} begins at {run.u_V[0]:.3g} V, which counts as a step from rest at 0 V: it "
-        f"leaves {rms_um[0]:.3g} um rms where that matters, {rms_um[1]:.3g} if the stage had long stood there. "
-        "If it had, "
-    )
     if len(t_s) - (differ[-1] + 1) < FEWEST_ROWS:
         return said + "that matters to the end: record it with the way from 0 V, and score what comes after"
     decimals = max(0, math.ceil(-math.log10(run.step_s))) + 1
     return said + f"score only what comes after, with the window @{t_s[differ[-1] + 1]:.{decimals}f}:"
+
+
+def _ways(stage: Stage, run: AxisRun, rested: Samples) -> list[tuple[float, ...]]:
+    """Where the stage may have turned round before the run, to try: straight to its first voltage, or at 0 V, where the
+    first half is clearly worse than the second, at some voltage of the model's range."""
+    if not run.begins_at_0_V:
+        return [()]
+    view, half = stage.axis(run.axis).time, len(rested) // 2
+    usual_um = float(np.mean(rested[half:]))
+    first, second = (float(np.sqrt(np.mean((e - usual_um) ** 2))) for e in (rested[:half], rested[half:]))
+    if view is None or first <= CLEARLY_BETTER * second:
+        return []
+    return [(float(turned_V),) for turned_V in np.linspace(*view.u_range_V, TURNS_TRIED)]
 
 
 def _judge(run: AxisRun, model: Samples, refit_offset: bool, sha256: str) -> Verification:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 
 from phaselead.errors import BadInput
@@ -17,9 +17,10 @@ FAR_BEYOND = 0.5
 """Of the span of voltages that a model was fitted on."""
 
 
-def predict(stage: Stage, recording: Recording, *, stood: bool = False) -> Recording:
-    """The same times and voltages with the predicted positions, from rest at 0 V before the first row; ``stood``: as
-    of a stage that went from there to its first voltage long before.
+def predict(stage: Stage, recording: Recording, *, turned_V: Mapping[str, Sequence[float]] | None = None) -> Recording:
+    """The same times and voltages with the predicted positions, from rest at 0 V before the first row. ``turned_V``: by
+    axis, for a stage that went to its first voltage long before, where it had turned round since it left rest, in V;
+    empty where it went straight.
 
     Adopted effects act. With three axes and a cross-coupling, what the other axes do is added. A window only
     warms and scores: the rows before it are predicted too. Axes that the stage does not know are left out.
@@ -30,7 +31,7 @@ def predict(stage: Stage, recording: Recording, *, stood: bool = False) -> Recor
     if not with_voltage:
         raise BadInput(f"{recording.source}: has no voltage to predict from; it needs a column u_V")
     known = [name for name in with_voltage if name in stage.axes] or with_voltage
-    alone = {name: _chain(stage, recording, name, stood) for name in known}
+    alone = {name: _chain(stage, recording, name, (turned_V or {}).get(name)) for name in known}
     pushes = {name: chain.push() for name, chain in alone.items()}
     chains = {name: chain.with_pushes(pushes) for name, chain in alone.items()}
     moved = {name: chain.signal_at(Place.MECHANICS).displacement_um[1:] for name, chain in chains.items()}
@@ -68,13 +69,13 @@ def time_view_of(stage: Stage, axis: str) -> TimeView:
     return view
 
 
-def _chain(stage: Stage, recording: Recording, axis: str, stood: bool) -> Chain:
+def _chain(stage: Stage, recording: Recording, axis: str, turned_V: Sequence[float] | None) -> Chain:
     view = time_view_of(stage, axis)
     model, u = stage.axis(axis), recording.axes[axis].u_V
     assert u is not None
-    if not stood:
+    if turned_V is None:
         return Chain(model, recording.t_s, u)
-    return Chain(model, recording.t_s, u, start=plays_after(view, float(u[0])), turned_V=())
+    return Chain(model, recording.t_s, u, start=plays_after(view, *turned_V, float(u[0])), turned_V=turned_V)
 
 
 def _seen(stage: Stage, axis: str, others: Iterable[str]) -> list[Entry]:
