@@ -92,7 +92,7 @@ def learn(
         )
     if output is not None:
         found.save(output, overwrite=overwriting())
-    wrote = [f"wrote {output}"] if output is not None else []
+    wrote = [f"wrote {output}" if output is not None else "not written: with -o FILE.h5 `phaselead track` can play it"]
     emit(found.as_dict(), json_to, [*found.tables(), *wrote, *write_page(found, report)])
     if found.in_fault:
         sys.exit(DeviceRefused.exit_status)

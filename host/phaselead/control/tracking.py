@@ -85,7 +85,7 @@ def check_paths(waveforms: Mapping[str, Waveform], mode: str, stage: Stage | Non
         if mode in NEEDS_MODEL and stage is None:
             raise BadInput(
                 f"mode {mode} needs a model and the device holds none: --model STAGE.toml (`phaselead identify` makes "
-                "one; `phaselead upload --persist` keeps it on the device), or --mode pid, which needs none"
+                "one; `phaselead upload --persist` keeps it on the device); `phaselead track --mode pid` needs none"
             )
         check_path(axis, waveform, mode, stage.axis(axis) if stage is not None else AxisModel())
 
