@@ -1,10 +1,11 @@
-"""What plays alone leave of stages with another memory, and plays beside fading ones or of a bent field.
+"""What plays alone leave of stages with another memory, and plays beside fading ones, of a bent field, or of weights
+that depend on the level.
 
     python benchmarks/memory.py [STAGES]
 
-Stages drawn at random with a Bouc-Wen or a Coleman-Hodgdon loop, or plays of a field that bends, with a curve, one mode
-and noise; the models are fitted to six records of each and judged on six others, all behind a full loop. Percentages of
-the travel, rms.
+Stages drawn at random with a Bouc-Wen or a Coleman-Hodgdon loop, plays of a field that bends, or a Preisach plane whose
+density falls off from its middle as a normal one does, with a curve, one mode and noise; the models are fitted to six
+records of each and judged on six others, all behind a full loop. Percentages of the travel, rms.
 """
 
 from __future__ import annotations
@@ -69,6 +70,22 @@ def plays_of_field(bend: float, width: float) -> Memory:
             at = np.clip(at, volt - r, volt + r)
             lag.append(float(np.mean((volt - at) / r)))
         return np.array(lag) - (v - s) / width
+
+    return memory
+
+
+def preisach(level: float, breadth: float) -> Memory:
+    """The lag of ten columns of relays, whose density over the mean switching voltage is normal about a level."""
+
+    def memory(s: Samples) -> Samples:
+        r, levels = np.linspace(0.1, 1.0, 10), np.linspace(-2.2, 2.2, 4401)
+        density = np.exp(-(((levels - level) / breadth) ** 2) / 2)
+        below = np.cumsum(density) * (levels[1] - levels[0])
+        at, read = np.full(10, s[0]), []
+        for volt in s.tolist():
+            at = np.clip(at, volt - r, volt + r)
+            read.append(float(np.mean((volt - np.interp(at, levels, below)) / r)))
+        return np.array(read)
 
     return memory
 
@@ -148,7 +165,10 @@ def main(stages: int) -> None:
             compared(f"{seed} {name}", Bench(rng, memory), "beside fading ones", regressors, "FADING", ())
         bench = Bench(np.random.default_rng([seed, 1]), lambda s: s)
         bench.memory = plays_of_field(bench.rng.uniform(0.03, 0.12) * bench.rng.choice([-1, 1]), bench.width)
-        compared(f"{seed} bent field", bench, "of its field", fitting, "in_best_field", lambda records, _: records)
+        compared(f"{seed} bent field", bench, "of its field", fitting, "unevenly", lambda records, _: records)
+        bench = Bench(np.random.default_rng([seed, 2]), lambda s: s)
+        bench.memory = preisach(bench.rng.uniform(-0.3, 0.3), bench.rng.uniform(0.8, 1.6))
+        compared(f"{seed} Preisach", bench, "of its weights", fitting, "unevenly", lambda records, _: records)
 
 
 def compared(name: str, bench: Bench, beside: str, module: Any, part: str, none: object) -> None:

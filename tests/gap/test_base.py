@@ -214,13 +214,15 @@ def test_a_record_begins_with_a_step_from_rest_or_where_it_had_stood(plays, step
     assert made.error().std() < 0.012
 
 
-@pytest.mark.parametrize("bend", [0.0, 0.1, -0.15])
+@pytest.mark.parametrize(
+    "uneven", [{}, {"field_bend": 0.1}, {"field_bend": -0.15}, {"play_tilt": 0.4, "play_fade": 0.3}]
+)
 @pytest.mark.parametrize("turns", [(8.0,), (8.0, 0.0), (7.0, 0.5, 6.0)])
-def test_what_a_model_leaves_is_told_from_where_a_record_began(turns, bend):
+def test_what_a_model_leaves_is_told_from_where_a_record_began(turns, uneven):
     """After loops the plays stand elsewhere than after rest: the model is not to blame for that. Also where they stand
-    in a field that is not the voltage."""
+    in a field that is not the voltage, and where their weight depends on where they stand."""
     own = a_track().axis
-    axis = own.model_copy(update={"time": own.time.model_copy(update={"field_bend": bend})})
+    axis = own.model_copy(update={"time": own.time.model_copy(update=uneven)})
     t = np.arange(2000) * STEP_s
     u = 4 + 3 * np.sin(2 * np.pi * 5 * t)
     way = np.interp(np.arange(8000), np.linspace(0, 7000, len(turns) + 2), [0.0, *turns, 4.0])

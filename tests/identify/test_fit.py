@@ -310,3 +310,11 @@ def test_the_table_view_judges_only_its_own_sines(fitted):
 def test_the_plan_refuses(change):
     with pytest.raises(BadInput):
         plan_grid(**change)
+
+
+@pytest.mark.parametrize(("factor", "told"), [(1.0, False), (10.0, True)])
+def test_records_beyond_what_a_new_stage_file_has_of_limits_are_told(factor, told):
+    """A stage of 0 to 80 V got limits of -2 to 10 V without a word."""
+    one = sine_record(QUICK, 8.0, 5.0)
+    scaled = replace(one, axes={"x": AxisRecord(factor * one.axes["x"].u_V, one.axes["x"].x_um)})
+    assert any("limits -2..10 V" in line for line in fit([scaled])[1].messages) == told

@@ -120,7 +120,7 @@ def base_columns(modelled: ModelledRun, open_plays: bool) -> Samples:
         r = play_thresholds(high - low, BASE_PLAYS)
         start = view.rest_fraction * r if modelled.plays_V is None else np.interp(r, view.play_r_V, modelled.plays_V)
         moved, _ = plays(v, r, np.clip(start + v[0] - view.field.at(signal.u_V[0]), v[0] - r, v[0] + r))
-        columns += list(((OPEN_STD if open_plays else PLAY_STD) * slope * moved).T)
+        columns += list(((OPEN_STD if open_plays else PLAY_STD) * slope * view.density.read(moved)).T)
     if view.deadzone_d_V:
         knots = np.linspace(low, high, BASE_SEGMENTS + 2)[1:-1]
         columns += list(PLAY_STD * slope * np.maximum(v[:, None] - knots, 0.0).T)
@@ -167,4 +167,4 @@ def mean_slope(axis: AxisModel) -> float:
     assert view is not None
     low, high = map(view.field.at, view.u_range_V)
     bends = sum(s * (high - d) / (high - low) for d, s in zip(view.deadzone_d_V, view.deadzone_s_um_per_V, strict=True))
-    return float(abs(view.gain_um_per_V + sum(view.play_w_um_per_V) + bends)) or 1.0
+    return float(abs(view.gain_um_per_V + view.density.mean * sum(view.play_w_um_per_V) + bends)) or 1.0

@@ -185,7 +185,7 @@ def _plays_um(axis: AxisModel, run: GapRun, stood: Began, rows: Index) -> Callab
     r, w = np.asarray(view.play_r_V), np.asarray(view.play_w_um_per_V)
     at, far_V = rows.astype(np.uintp), np.ptp(v) + abs(v).max() + 2 * r
     low, high = (plays(v, r, start, at)[0] for start in (-far_V, far_V))
-    return lambda began: np.clip(offset_V + began.plays_V, low, high) @ w
+    return lambda began: view.density.read(np.clip(offset_V + began.plays_V, low, high)) @ w
 
 
 def _fading_um(axis: AxisModel, run: GapRun, stood: Began, rows: Index) -> Callable[[Began], Samples]:
@@ -207,9 +207,9 @@ def nuisance_columns(axis: AxisModel, run: GapRun, began: Began | None) -> Sampl
     n = run.stop - run.start
     columns = [np.ones(n)]
     if view.play_r_V:
-        r, w = np.asarray(view.play_r_V), np.asarray(view.play_w_um_per_V)
         v, offset_V = _at_plays(axis, run, began)
         start = offset_V + (rest_plays(view) if began is None else began.plays_V)
+        r, w = np.asarray(view.play_r_V), np.asarray(view.play_w_um_per_V) * view.density.at(start)
         for j, moved_at in enumerate(_first_moves(v, r, start)):
             still = min(moved_at, run.stop) - run.start
             if 0 < still < n and w[j] != 0:

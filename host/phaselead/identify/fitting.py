@@ -14,6 +14,7 @@ from phaselead.identify.odd_record import about_scale, about_unlike_record, refu
 from phaselead.identify.operator import OperatorFit
 from phaselead.identify.runs import (
     SAME_RATE,
+    STILL_V,
     AxisRun,
     SineDrive,
     driven_axes,
@@ -86,6 +87,8 @@ class FitReport:
             axis: {
                 "residual_um_rms": result.view.residual_um_rms,
                 "field_bend": result.view.field_bend,
+                "play_tilt": result.view.play_tilt,
+                "play_fade": result.view.play_fade,
                 "creep_per_decade": 0.0 if result.creep is None else result.creep.per_decade,
                 "std": {name: [_known(v) for v in values] for name, values in result.std.items()},
                 "records": [vars(record) for record in result.records],
@@ -153,6 +156,7 @@ def fit(
                 messages += _about_modes(axis, mode, axis_runs, alone=axis not in together)
                 messages += _about_lag(axis, found)
                 messages += _about_field(axis, found)
+                messages += _about_weights(axis, found)
                 if mode is not None:
                     modes[axis] = mode
                 view, said = _table(axis_runs, backwards)
@@ -164,6 +168,7 @@ def fit(
                 messages.append(f"axis {axis}: gain and offset only, as asked; no table view")
         time[axis] = found.turned() if backwards else found
     axes: dict[Any, AxisModel] = {a: _axis_model(parent, a, time[a], table.get(a), modes.get(a)) for a in time}
+    messages += [line for axis, of_axis in runs.items() for line in _beyond_what_is_known(axis, axes[axis], of_axis)]
     stage = Stage(
         name=parent.name if parent else name,
         provenance=provenance_of(parent, recordings).model_copy(update={"left_out": tuple(left_out) or None}),
@@ -171,6 +176,23 @@ def fit(
         axes=axes,
     )
     return stage, FitReport(time, table, coupling, doubts + messages, left_out)
+
+
+def _beyond_what_is_known(axis: str, model: AxisModel, runs: Sequence[AxisRun]) -> list[str]:
+    """That the records go beyond limits or sensor of the stage file, which records do not tell."""
+    low_V, high_V = min(float(run.u_V.min()) for run in runs), max(float(run.u_V.max()) for run in runs)
+    low_um, high_um = min(float(run.x_um.min()) for run in runs), max(float(run.x_um.max()) for run in runs)
+    limits, sensor, found = model.limits, model.sensor, []
+    if max(limits.u_min_V - low_V, high_V - limits.u_max_V) > STILL_V:
+        found.append(f"{low_V:.4g}..{high_V:.4g} V (limits {limits.u_min_V:g}..{limits.u_max_V:g} V)")
+    if low_um < sensor.x_min_um or high_um > sensor.x_max_um:
+        found.append(f"{low_um:.4g}..{high_um:.4g} um (sensor {sensor.x_min_um:g}..{sensor.x_max_um:g} um)")
+    if not found:
+        return []
+    return [
+        f"axis {axis}: the records go beyond what the stage file has, {' and '.join(found)}: no record tells limits, "
+        "sensor and converters; write those of your stage there before you drive it"
+    ]
 
 
 def _doubts(recordings: Sequence[Recording]) -> list[str]:
@@ -310,6 +332,17 @@ def _about_field(axis: str, found: OperatorFit) -> list[str]:
     return [
         f"axis {axis}: its hysteresis answers to a field that rises {1 - 2 * bend:.2g} times as fast at one end of the "
         f"range, {1 + 2 * bend:.2g} at the other (field_bend of its time view)"
+    ]
+
+
+def _about_weights(axis: str, found: OperatorFit) -> list[str]:
+    view = found.view
+    if view.density.is_even:
+        return []
+    low, high = view.density.at(view.density.span_V)
+    return [
+        f"axis {axis}: its plays weigh {low:.3g} times as much at the lower end of the range as in its middle, "
+        f"{high:.3g} times at the upper (play_tilt and play_fade of its time view)"
     ]
 
 

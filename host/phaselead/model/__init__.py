@@ -68,6 +68,7 @@ from phaselead.model.inverse import (
 from phaselead.model.linearised import SmallSignal, small_signal
 from phaselead.model.loop_filter import SECTIONS_IN_LOOP, LoopFilter
 from phaselead.model.operator import (
+    DensityInC,
     plays,
     plays_after,
     predict_time_view,
@@ -78,6 +79,7 @@ from phaselead.model.operator import (
     resting_at,
     turned_view,
 )
+from phaselead.model.play_density import EVEN_DENSITY, MOST_UNEVEN, PlayDensity
 from phaselead.model.prediction import driven_far_beyond, predict
 from phaselead.model.scale import out_of_scale, scale_doubt
 from phaselead.model.sections import HOLD_S, LATCH_S, TICK_S, Section
@@ -99,12 +101,14 @@ from phaselead.model.validation_errors import explained
 __all__ = [
     "BACKWARDS",
     "EVEN",
+    "EVEN_DENSITY",
     "HOLD_S",
     "KNOTS",
     "LARGEST_BEND",
     "LATCH_S",
     "LONGEST_DELAY_S",
     "MOST_CREEP",
+    "MOST_UNEVEN",
     "PLAYS",
     "PLAYS_ALIKE",
     "SECTIONS",
@@ -120,6 +124,7 @@ __all__ = [
     "CheckedParameters",
     "Compensation",
     "Complex",
+    "DensityInC",
     "Derived",
     "Effect",
     "EffectiveField",
@@ -134,6 +139,7 @@ __all__ = [
     "Parameter",
     "Params",
     "Place",
+    "PlayDensity",
     "Provenance",
     "Scene",
     "Section",

@@ -13,6 +13,7 @@ from pydantic import Field, field_validator, model_validator
 from phaselead.model.field import LARGEST_BEND, EffectiveField
 from phaselead.model.fields import Interval95, NotNegative, Number, Numbers, ParameterValue, Part, Positive, Span
 from phaselead.model.loop_filter import SECTIONS_IN_LOOP, LoopFilter
+from phaselead.model.play_density import MOST_UNEVEN, PlayDensity
 from phaselead.model.table import TableView
 from phaselead.model.validation_errors import fault
 
@@ -79,7 +80,7 @@ class Actuator(Part):
 
 
 class TimeView(Part):
-    """x(t) = offset + gain v + sum w_i play_ri[v] + sum s_j max(v - d_j, 0), with v(t) = field(u(t - delay))."""
+    """x(t) = offset + gain v + sum w_i read(play_ri[v]) + sum s_j max(v - d_j, 0), with v(t) = field(u(t - delay))."""
 
     gain_um_per_V: Number = Field(description="linear gain, um/V")
     play_r_V: Numbers = Field((), description="thresholds of the plays, V, rising")
@@ -93,6 +94,12 @@ class TimeView(Part):
     )
     field_bend: Annotated[Number, Field(ge=-LARGEST_BEND, le=LARGEST_BEND)] = Field(
         0.0, description="how far the field lags behind the voltage at mid-range, of half the range; 0: it rises evenly"
+    )
+    play_tilt: Number = Field(
+        0.0, description="how much more plays weigh that stand at the top of the range than at mid-range, as a share"
+    )
+    play_fade: Number = Field(
+        0.0, description="how much less they weigh at both ends than at mid-range; 0 and 0: the same at all levels"
     )
     u_range_V: Span = Field(description="voltages it was fitted on, V")
     rate_Hz: Positive = Field(description="sampling rate it was fitted at, Hz")
@@ -132,10 +139,27 @@ class TimeView(Part):
                 fault(f"has {have} elements but {thresholds} has {wanted}; give one for each", f".{name}")
         return self
 
+    @model_validator(mode="after")
+    def _plays_weigh(self) -> Self:
+        uneven = abs(self.play_tilt) + abs(self.play_fade)
+        if uneven > MOST_UNEVEN:
+            fault(
+                f"= {self.play_tilt:g} and play_fade = {self.play_fade:g} take more than {MOST_UNEVEN:g} of the weight "
+                "together; make them smaller",
+                ".play_tilt",
+            )
+        return self
+
     @property
     def field(self) -> EffectiveField:
         """What gain, plays and dead zones answer to; their volts are its volts."""
         return EffectiveField(self.field_bend, self.u_range_V)
+
+    @property
+    def density(self) -> PlayDensity:
+        """How the weight of a play depends on where it stands in that field."""
+        low_V, high_V = self.u_range_V
+        return PlayDensity(self.play_tilt, self.play_fade, (self.field.at(low_V), self.field.at(high_V)))
 
 
 class Gains(Part):

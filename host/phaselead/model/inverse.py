@@ -12,7 +12,7 @@ from phaselead.errors import BadInput
 from phaselead.model.axis import AdoptedEffect, AxisModel, Limits, TimeView
 from phaselead.model.effects import Entry, Place, effect, rewritten
 from phaselead.model.level_sections import hold, level, looked_at_Hz
-from phaselead.model.operator import in_even_field
+from phaselead.model.operator import with_even_plays
 from phaselead.model.sections import PASS, Section
 from phaselead.model.sensor_lag import sensor_lag_s
 from phaselead.model.stage_file import Stage
@@ -102,7 +102,7 @@ def coupling(stage: Stage) -> list[list[float]]:
 
 
 def in_time_view(axis: AxisModel) -> AxisModel:
-    """The axis with what a time view of an even field can express of its effects in its time view; what that cannot
+    """The axis with what a time view of even plays can express of its effects in its time view; what that cannot
     express of them is dropped, and ``effects`` keeps those of which it can express nothing.
 
     For inversion and upload: sizes given as a share of the range belong to the range before. Raises BadInput for
@@ -110,7 +110,7 @@ def in_time_view(axis: AxisModel) -> AxisModel:
     """
     if axis.time is None:
         return axis
-    view, kept = in_even_field(axis.time), []
+    view, kept = with_even_plays(axis.time), []
     for adopted in axis.effects:
         e, params = _entry(adopted)
         if e.into_time_view is not None:

@@ -15,6 +15,21 @@ static inline void step(double v, size_t m, const double *restrict r, double sca
     }
 }
 
+/* What a play adds per unit of weight that stands at p. */
+static inline double read_out(const struct stage_density *d, double p)
+{
+    double s = (p - d->middle) / d->half;
+    double inside = s < -1.0 ? -1.0 : s > 1.0 ? 1.0 : s;
+    double passed = inside * (1.0 + inside * (d->tilt / 2.0 - inside * d->fade / 3.0));
+    double weight = 1.0 + inside * (d->tilt - inside * d->fade);
+    return d->half * (passed + weight * (s - inside)) - d->at_zero;
+}
+
+static inline bool even(const struct stage_density *d)
+{
+    return d->tilt == 0.0 && d->fade == 0.0;
+}
+
 static inline double late(const double *u, double before, size_t k, size_t whole, double part)
 {
     double at = k >= whole ? u[k - whole] : before;
@@ -65,7 +80,7 @@ static void fill(const struct stage_basis *basis, double v, const double *p, con
         *out++ = (above < basis->high[j] ? above : basis->high[j]) - basis->segment_rest[j];
     }
     for (size_t j = 0; j < basis->n_plays; j++) {
-        *out++ = p[j] - basis->play_rest[j];
+        *out++ = (even(&basis->density) ? p[j] : read_out(&basis->density, p[j])) - basis->play_rest[j];
     }
     for (size_t j = 0; j < basis->n_fading; j++) {
         *out++ = v - basis->fading_r[j] * z[j] - basis->fading_rest[j];
@@ -193,9 +208,24 @@ void stage_weighed_plays(size_t n, const double *v, double scale, size_t m, cons
     }
 }
 
+static void plays_of_uneven_weight(const struct stage_operator *op, size_t n, const double *v, double *p, double *y)
+{
+    for (size_t k = 0; k < n; k++) {
+        step(v[k], op->n_plays, op->play_r, 1.0, p);
+        y[k] = 0.0;
+        for (size_t j = 0; j < op->n_plays; j++) {
+            y[k] += op->play_w[j] * read_out(&op->density, p[j]);
+        }
+    }
+}
+
 void stage_response(const struct stage_operator *op, size_t n, const double *v, double *p, double *x)
 {
-    stage_weighed_plays(n, v, 1.0, op->n_plays, op->play_r, op->play_w, p, x);
+    if (even(&op->density)) {
+        stage_weighed_plays(n, v, 1.0, op->n_plays, op->play_r, op->play_w, p, x);
+    } else {
+        plays_of_uneven_weight(op, n, v, p, x);
+    }
     for (size_t k = 0; k < n; k++) {
         double sum = op->gain * v[k] + x[k];
         for (size_t j = 0; j < op->n_deadzones; j++) {

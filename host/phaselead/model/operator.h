@@ -37,12 +37,18 @@ struct stage_record { /* a voltage, the rows at which it turns round (row 0 amon
     const double *x; /* positions at those rows */
 };
 
+struct stage_density { /* a play at p weighs 1 + tilt s - fade s^2, s = (p - middle) / half within -1..1 */
+    double tilt, fade, middle, half;
+    double at_zero; /* what a play adds per unit of weight that stands at 0 V: taken off */
+};
+
 struct stage_basis { /* segments from low to high, and where 0 V stands in each; plays and fading plays (fading.h), and
-                        where each rests */
+                        where each rests: of plays, what they add there */
     size_t n_segments;
     const double *low, *high, *segment_rest;
     size_t n_plays;
     const double *r, *play_rest;
+    struct stage_density density;
     size_t n_fading;
     const double *fading_r, *fading_rest;
 };
@@ -67,11 +73,13 @@ struct stage_operator {
     double gain;
     size_t n_plays;
     const double *play_r, *play_w;
+    struct stage_density density;
     size_t n_deadzones;
     const double *deadzone_d, *deadzone_s;
 };
 
-/* x[k] = gain v + sum w_j play_j[v] + sum s_j max(v - d_j, 0); the offset is the caller's. */
+/* x[k] = gain v + sum w_j read(play_j[v]) + sum s_j max(v - d_j, 0), read being what the density makes of a play; the
+ * offset is the caller's. */
 PHASELEAD_EXPORT void stage_response(const struct stage_operator *op, size_t n, const double *v, double *p, double *x);
 
 #endif

@@ -1,8 +1,9 @@
 """The time-domain view of a stage: plays, one-sided dead zones, an offset and a delay.
 
-    x(t) = offset + gain v + sum_i w_i play_{r_i}[v] + sum_j s_j max(v - d_j, 0),   v(t) = field(u(t - delay))
+    x(t) = offset + gain v + sum_i w_i read(play_{r_i}[v]) + sum_j s_j max(v - d_j, 0),   v(t) = field(u(t - delay))
 
-(Kuhnen 2003, eqs. 5, 8 and 30; the field, ``field.EffectiveField``, is the voltage itself unless it bends). Units: V,
+(Kuhnen 2003, eqs. 5, 8 and 30; the field, ``field.EffectiveField``, is the voltage itself unless it bends; what is read
+of a play, ``play_density.PlayDensity``, is where it stands unless its weight depends on the level). Units: V,
 um, s. "Rest" is 0 V with the plays at ``rest_fraction * r``; the sensor reads ``rest_position_um`` there.
 
 Between rows the voltage runs straight, and before the first row it was 0 V, at rest: a record that begins at
@@ -20,11 +21,27 @@ from numpy.typing import ArrayLike, NDArray
 
 from phaselead.compiled import kernel_of
 from phaselead.model.axis import AxisModel, TimeView
+from phaselead.model.play_density import PlayDensity
 from phaselead.record import Samples
 
 CURVE_PIECES = 16
 """Straight pieces that a parabola over the range is drawn with in a time view: within 0.4 % of its size. All have the
 same ends, so that several need no more dead zones than one."""
+LEG_ROWS = 60
+"""Of each way between two turns of the loops along which even plays are fitted to others."""
+
+
+class DensityInC(ctypes.Structure):
+    """struct stage_density of operator.h."""
+
+    _fields_ = tuple((name, ctypes.c_double) for name in ("tilt", "fade", "middle", "half", "at_zero"))
+
+    @staticmethod
+    def of(density: PlayDensity) -> DensityInC:
+        """As the kernel reads it."""
+        low, high = density.span_V
+        middle = (low + high) / 2
+        return DensityInC(density.tilt, density.fade, middle, (high - low) / 2, -float(density.read(middle)))
 
 
 class _Operator(ctypes.Structure):
@@ -33,6 +50,7 @@ class _Operator(ctypes.Structure):
         ("n_plays", ctypes.c_size_t),
         ("play_r", ctypes.c_void_p),
         ("play_w", ctypes.c_void_p),
+        ("density", DensityInC),
         ("n_deadzones", ctypes.c_size_t),
         ("deadzone_d", ctypes.c_void_p),
         ("deadzone_s", ctypes.c_void_p),
@@ -124,7 +142,8 @@ def respond(view: TimeView, v: ArrayLike, start: ArrayLike) -> tuple[Samples, Sa
     if not r.shape == w.shape == end.shape or d.shape != s.shape:
         raise ValueError("plays and dead zones need one threshold, one weight and one start each")
     x = np.empty_like(v)
-    operator = _Operator(view.gain_um_per_V, len(r), address(r), address(w), len(d), address(d), address(s))
+    density = DensityInC.of(view.density)
+    operator = _Operator(view.gain_um_per_V, len(r), address(r), address(w), density, len(d), address(d), address(s))
     _kernel().stage_response(ctypes.byref(operator), len(v), address(v), address(end), address(x))
     return x + view.offset_um, end
 
@@ -170,8 +189,8 @@ def _ends_um(view: TimeView) -> tuple[float, float]:
     at_low += view.gain_um_per_V * low
     at_high += view.gain_um_per_V * high
     for r, w in zip(view.play_r_V, view.play_w_um_per_V, strict=True):
-        at_low += w * min(low + r, middle)
-        at_high += w * max(high - r, middle)
+        at_low += w * float(view.density.read(min(low + r, middle)))
+        at_high += w * float(view.density.read(max(high - r, middle)))
     for d, s in zip(view.deadzone_d_V, view.deadzone_s_um_per_V, strict=True):
         at_low += s * max(low - d, 0.0)
         at_high += s * max(high - d, 0.0)
@@ -183,28 +202,50 @@ def resting_at(view: TimeView, rest_um: float) -> TimeView:
     return view.model_copy(update={"offset_um": view.offset_um + rest_um - rest_position_um(view)})
 
 
-def in_even_field(view: TimeView) -> TimeView:
-    """The view whose dead zones stand for the bend of its field, as the device has none: the curve without memory that
-    view and field have together where all plays move, as straight pieces.
+@lru_cache(maxsize=64)
+def with_even_plays(view: TimeView) -> TimeView:
+    """The view in an even field whose plays weigh the same at all levels, as the device has no others: plays of the
+    same thresholds and straight pieces, by least squares along a full loop and smaller ones within.
 
-    After a turn plays that stand still do not feel the bend, which dead zones cannot say; so that the view rises there
-    as well, the bend takes no more than half of the slope that is left then.
+    So that it rises wherever a voltage turns round, a piece keeps at least half of the slope that the view has there
+    while its plays stand still.
     """
-    if not view.field_bend:
+    if not view.field_bend and view.density.is_even:
         return view
+    from scipy.optimize import lsq_linear  # at the top it would double the time that this package takes to load
+
     low, high = view.u_range_V
     knots = np.linspace(low, high, CURVE_PIECES + 1)
-    asked, felt = np.diff(knots), np.diff(view.field.of(knots))
-    own = np.diff(_without_plays_um(view, view.field.of(knots))) / asked
-    slopes = own + sum(view.play_w_um_per_V) * (felt / asked - 1)
-    slopes = np.where(own > 0, np.maximum(slopes, own / 2), slopes)
+    u = _smaller_and_smaller(low, high)
+    start = plays_after(view, high, low)
+    side = -1.0 if view.gain_um_per_V < 0 else 1.0
+    x = side * respond(view, u, start)[0]
+    pieces = np.clip(u[:, None], knots[:-1], knots[1:]) - knots[:-1]
+    r = doubles(view.play_r_V)
+    moved, _ = plays(u, r, np.clip(start, low - r, low + r))
+    columns = np.concatenate([pieces, moved], axis=1)
+    standing = side * np.diff(_without_plays_um(view, view.field.of(knots))) / np.diff(knots)
+    least = np.concatenate([np.where(standing > 0, standing / 2, -np.inf), np.zeros(len(r))])
+    found = side * lsq_linear(columns - columns.mean(axis=0), x - x.mean(), (least, np.inf)).x
+    slopes, weights = found[: len(knots) - 1], found[len(knots) - 1 :]
     update = {
         "gain_um_per_V": float(slopes[0]),
+        "play_w_um_per_V": tuple(weights.tolist()),
         "deadzone_d_V": tuple(knots[1:-1].tolist()),
         "deadzone_s_um_per_V": tuple(np.diff(slopes).tolist()),
         "field_bend": 0.0,
+        "play_tilt": 0.0,
+        "play_fade": 0.0,
     }
     return resting_at(view.model_copy(update=update), rest_position_um(view))
+
+
+def _smaller_and_smaller(low_V: float, high_V: float) -> Samples:
+    """Voltages (n,) of loops from the lower end on, a full one and eight smaller ones about the middle."""
+    middle_V, half_V = (low_V + high_V) / 2, (high_V - low_V) / 2
+    turns_V = middle_V + half_V * np.repeat(np.arange(9, 0, -1) / 9, 2) * np.tile([-1.0, 1.0], 9)
+    legs = np.arange((len(turns_V) - 1) * LEG_ROWS + 1) / LEG_ROWS
+    return np.asarray(np.interp(legs, np.arange(len(turns_V)), turns_V))
 
 
 def _without_plays_um(view: TimeView, v: Samples) -> Samples:

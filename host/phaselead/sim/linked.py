@@ -222,6 +222,7 @@ class LinkedParts(VirtualAxis):
         sensor = [make for place, make in self._links if place == Place.SENSOR]
         self._refuse_more_than_it_holds(len(plays), len(view.deadzone_d_V), len(links), len(sensor))
         operator.plays, operator.deadzones = len(plays), len(view.deadzone_d_V)
+        operator.uneven = 0 if view.density.is_even else len(view.play_r_V)
         for i, (r_V, w, start_V) in enumerate(plays):
             operator.play_r_V[i], operator.play_w_um_per_V[i], operator.play_start_V[i] = r_V, w, start_V
         for i, (d_V, s) in enumerate(zip(view.deadzone_d_V, view.deadzone_s_um_per_V, strict=True)):
@@ -298,6 +299,7 @@ def _axis(axis: LinkedAxis, model: AxisModel | None, where: str, tick_s: float, 
     view, parts = model.time, LinkedParts(axis, model, where)
     axis.operator.low_V, axis.operator.high_V = view.u_range_V
     axis.operator.field_bend = view.field_bend
+    axis.operator.play_tilt, axis.operator.play_fade = view.play_tilt, view.play_fade
     axis.surroundings.low_um, axis.surroundings.high_um = sorted(parts.ends_um)
     axis.operator.gain_um_per_V, axis.offset_um = view.gain_um_per_V, view.offset_um
     axis.delay_s += view.delay_s

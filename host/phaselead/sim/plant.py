@@ -119,9 +119,10 @@ class ExactParts(VirtualAxis):
         self._taken.add(place)
 
     def refuse_more_than_it_holds(self) -> None:
-        """Raises NotPlayed for a bent field, too many lags or modes, or a delay that its ring of ticks cannot hold."""
+        """Raises NotPlayed for a bent field or uneven plays, too many lags or modes, or a delay that its ring of ticks
+        cannot hold."""
         assert self.model.time is not None
-        if self.model.time.field_bend:
+        if self.model.time.field_bend or not self.model.time.density.is_even:
             raise NotPlayed
         delay_s = LATCH_S + self.model.time.delay_s + sum(self._delays_s)
         if len(self._creep) > CREEPS or len(self._modes) > MODES or not delay_s / TICK_S < DELAY_TICKS - 1:

@@ -37,6 +37,8 @@ class Operator(ctypes.Structure):
         ("low_V", ctypes.c_double),
         ("high_V", ctypes.c_double),
         ("field_bend", ctypes.c_double),
+        ("play_tilt", ctypes.c_double),
+        ("play_fade", ctypes.c_double),
         ("bend_um", ctypes.c_double),
         ("skew_um", ctypes.c_double),
         ("skew_reach", ctypes.c_double),
@@ -44,6 +46,7 @@ class Operator(ctypes.Structure):
         ("fading_w_um_per_V", ctypes.c_double * FADING),
         ("fading_start", ctypes.c_double),
         ("plays", ctypes.c_uint32),
+        ("uneven", ctypes.c_uint32),
         ("deadzones", ctypes.c_uint32),
         ("fading", ctypes.c_uint32),
     )

@@ -52,6 +52,22 @@ def test_what_it_cannot_express_of_an_effect_is_dropped_and_other_effects_stay()
     assert one.effects == (creep,)
 
 
+@pytest.mark.parametrize(("tilt", "fade"), [(0.3, 0.0), (-0.3, 0.0), (0.0, 0.4), (0.2, -0.3)])
+def test_plays_of_uneven_weight_become_even_ones_and_a_curve(tilt, fade):
+    """Less is left of a full loop than by dropping what their weight depends on."""
+    uneven = PIEZO.model_copy(update={"play_tilt": tilt, "play_fade": fade})
+    one = in_time_view(axis(uneven)).time
+    assert one.density.is_even
+    low, high = uneven.u_range_V
+    loop = (low + high) / 2 - (high - low) / 2 * np.cos(2 * np.pi * np.arange(800) / 400)
+    dropped = PIEZO.model_copy(update={"play_tilt": 0.0, "play_fade": 0.0})
+    x, made, even = (
+        simulate(axis(view), np.arange(800) * 0.01, loop, start=plays_after(view, high, low))[400:]
+        for view in (uneven, one, dropped)
+    )
+    assert np.std(x - made) < 0.5 * np.std(x - even)
+
+
 def test_several_curves_need_no_more_dead_zones_than_one():
     """A bent field and an asymmetric loop had 31 together; the device holds 24."""
     bent = PIEZO.model_copy(update={"field_bend": 0.08, "delay_s": 0.0})

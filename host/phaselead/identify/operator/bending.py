@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import numpy as np
 from scipy.optimize import minimize_scalar
 
 from phaselead.identify.operator.choosing import FINEST
@@ -20,22 +19,17 @@ ABOUT = 0.02
 none: more may be what is there."""
 PRECISE = 1e-3
 """How finely the best one is searched: a thousandth of half the range."""
-SMALL_LOOP = (0.1, 0.5)
-"""Of the largest swing, chosen: loops that tell a bend of the field, which makes them wider at one end of the range,
-from what else may make one loop uneven."""
 ROUNDS = 5
 """In which the bend and the operator that goes with it are searched in turn, at most."""
 
 
 def in_best_field(records: Records, found: Solution) -> Records:
     """The records in the field in which an operator and the modes of ``found`` leave least of them; as they are where
-    no bend pays, or none can be told.
+    no bend pays.
 
     It is searched with few plays and segments, and judged with the most: what a bend makes up for where these lie
     wrong is no bend.
     """
-    if not _has_small_loops(records):
-        return records
     bent, even = records, found
     for _ in range(ROUNDS):
         bend = _best_bend(bent, found, SEARCH, _bounds(bent, found))
@@ -49,16 +43,6 @@ def in_best_field(records: Records, found: Solution) -> Records:
     bend = _best_bend(bent, found, FINEST, about)
     pays = _squares(records, found, FINEST, bend) < PART_PAYS * _squares(records, even, FINEST, 0.0)
     return records.in_field(bend) if pays and abs(bend) < LARGEST_BEND - ABOUT else records
-
-
-def _has_small_loops(records: Records) -> bool:
-    """Whether the voltage turns round in small swings, from turn to turn, at places that are apart by as much."""
-    turns = [r.u_V[r.turning_rows] for r in records.runs]
-    swings_V = np.concatenate([np.abs(np.diff(turned_V)) for turned_V in turns])
-    middles_V = np.concatenate([(turned_V[1:] + turned_V[:-1]) / 2 for turned_V in turns])
-    least, most = (share * float(swings_V.max(initial=0.0)) for share in SMALL_LOOP)
-    small_V = middles_V[(swings_V > least) & (swings_V < most)]
-    return bool(len(small_V) and np.ptp(small_V) > least)
 
 
 def _bounds(records: Records, found: Solution) -> tuple[float, float]:

@@ -50,4 +50,7 @@ def _coarser(fine: Basis, stride: int, merge: int, *, fading: bool) -> tuple[Sam
     kept = np.eye(fine.n_plays)[:, stride - 1 :: stride] if stride else np.zeros((fine.n_plays, 0))
     faded = np.eye(len(fine.fading_r_V))[:, : None if fading else 0]
     shrink = block_diag(joined, kept, faded, np.eye(2))
-    return shrink, Basis(fine.play_r_V @ kept, fine.knots_V[::merge], fine.fading_r_V @ faded)
+    coarser = replace(
+        fine, play_r_V=fine.play_r_V @ kept, knots_V=fine.knots_V[::merge], fading_r_V=fine.fading_r_V @ faded
+    )
+    return shrink, coarser

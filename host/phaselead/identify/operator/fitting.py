@@ -11,7 +11,6 @@ from dataclasses import replace
 import numpy as np
 from scipy.optimize import minimize_scalar
 
-from phaselead.identify.operator.bending import in_best_field
 from phaselead.identify.operator.choosing import BESIDE_FADING, FINEST, choose_basis
 from phaselead.identify.operator.leaving_out import folds_of
 from phaselead.identify.operator.likeliest import likeliest_slopes
@@ -21,6 +20,7 @@ from phaselead.identify.operator.regressors import Basis, ringing_s
 from phaselead.identify.operator.result import Choice, OperatorFit, RecordResidual, effective_rows, standard_errors
 from phaselead.identify.operator.session import SEARCH_ROWS, as_known, from_their_memories, told_behind_modes
 from phaselead.identify.operator.solution import PART_PAYS, Solution, centred, moments
+from phaselead.identify.operator.uneven import unevenly
 from phaselead.identify.runs import AxisRun, one_frequency
 from phaselead.model import Mode
 
@@ -54,9 +54,9 @@ def fit_operator(runs: Sequence[AxisRun], modes: tuple[Mode, ...] = (), lag_s: f
     records = Records(runs, thinned(runs, SEARCH_ROWS, ringing_s=ringing_s(modes)), lag_s=lag_s)
     records, found, messages = from_their_memories(records, modes)
     basis, choices = choose_basis(records, found)
-    bent = in_best_field(records, found)
-    if bent.field != records.field:
-        records, found, messages = from_their_memories(bent, modes)
+    uneven = unevenly(records, found)
+    if uneven is not records:
+        records, found, messages = from_their_memories(uneven, modes)
         basis, choices = choose_basis(records, found)
     if not basis.equals(found.basis):
         found = records.searched(basis, found.delay_s, found.rest_fraction, found.modes)

@@ -13,7 +13,7 @@ from phaselead.identify.operator.regressors import FEWEST_ROWS, Basis, FitRun, T
 from phaselead.identify.operator.solution import REST_STEP, Solution, best_operator, best_slopes
 from phaselead.identify.operator.starting_memories import settled_of
 from phaselead.identify.runs import AxisRun, longest_delay_s, period_s
-from phaselead.model import LONGEST_DELAY_S, EffectiveField, Mode
+from phaselead.model import LONGEST_DELAY_S, EffectiveField, Mode, PlayDensity
 
 LONGEST_DELAY = 0.1
 """Of a period."""
@@ -30,6 +30,9 @@ class Records:
     offset_weight: float = 1.0
     lag_s: float = 0.0
     """Of the measured response, where that is known: the delay may be twice as long, however short the periods."""
+    tilt: float = 0.0
+    fade: float = 0.0
+    """How much more plays weigh at the top of all their voltages, and how much less at both ends."""
 
     def behind_a_lag(self, lag_s: float) -> Records:
         """The same with a low-pass of this time constant in front of the operator."""
@@ -44,6 +47,10 @@ class Records:
         """The same where the field over all their voltages bends."""
         field = EffectiveField(bend, self.span_V)
         return replace(self, fits=[replace(f, field=field) for f in self.fits])
+
+    def weighing(self, tilt: float, fade: float) -> Records:
+        """The same where the weight of plays depends so on the level."""
+        return replace(self, tilt=tilt, fade=fade)
 
     @property
     def span_V(self) -> tuple[float, float]:
@@ -67,7 +74,8 @@ class Records:
     def basis(self, n_plays: int, n_segments: int, *, fading: bool = False) -> Basis:
         low, high = map(self.field.at, self.span_V)
         swing = max(float(np.ptp(self.field.of(r.u_V[r.scored]))) for r in self.runs)
-        return nested_basis(swing, low, high, n_plays, n_segments, fading=fading)
+        density = PlayDensity(self.tilt, self.fade, (low, high))
+        return nested_basis(swing, low, high, n_plays, n_segments, fading=fading, density=density)
 
     def at(self, basis: Basis, delay_s: float, rest_fraction: float, modes: tuple[Mode, ...] = ()) -> Solution:
         return best_slopes(self.fits, basis, delay_s, rest_fraction, self.offset_weight, modes)

@@ -20,7 +20,18 @@ from numpy.typing import NDArray
 
 from phaselead.compiled import kernel_of
 from phaselead.identify.runs import AxisRun, jumps, period_s, turning_rows
-from phaselead.model import EVEN, EffectiveField, Mode, TimeView, behind_modes, relaxed_late, state_after
+from phaselead.model import (
+    EVEN,
+    EVEN_DENSITY,
+    DensityInC,
+    EffectiveField,
+    Mode,
+    PlayDensity,
+    TimeView,
+    behind_modes,
+    relaxed_late,
+    state_after,
+)
 from phaselead.record import Samples
 
 AFTER_JUMP = 0.1
@@ -57,6 +68,7 @@ class _Basis(ctypes.Structure):
         ("n_plays", _SIZE),
         ("r", _ARRAY),
         ("play_rest", _ARRAY),
+        ("density", DensityInC),
         ("n_fading", _SIZE),
         ("fading_r", _ARRAY),
         ("fading_rest", _ARRAY),
@@ -120,17 +132,22 @@ class RecordInC:
 
 class BasisInC:
     """A basis as the kernel reads it, all in V: ends of the segments and where 0 V stands in each, three of (s,);
-    thresholds of the plays and where each stands at rest, (m,), and of the fading plays, (k,)."""
+    thresholds of the plays and what each of that density adds at rest, (m,); thresholds of the fading plays and where
+    each stands at rest, (k,)."""
 
     def __init__(
-        self, segments: Sequence[Samples], plays_V: tuple[Samples, Samples], fading_V: tuple[Samples, Samples]
+        self,
+        segments: Sequence[Samples],
+        plays_V: tuple[Samples, Samples],
+        density: PlayDensity,
+        fading_V: tuple[Samples, Samples],
     ) -> None:
         low, high, at_rest = map(_doubles, segments)
         (r, rest), (fading_r, fading_rest) = map(_doubles, plays_V), map(_doubles, fading_V)
         self._arrays = low, high, at_rest, r, rest, fading_r, fading_rest
         self._basis = _Basis(
             *(len(low), low.ctypes.data, high.ctypes.data, at_rest.ctypes.data),
-            *(len(r), r.ctypes.data, rest.ctypes.data),
+            *(len(r), r.ctypes.data, rest.ctypes.data, DensityInC.of(density)),
             *(len(fading_r), fading_r.ctypes.data, fading_rest.ctypes.data),
         )
         self.address = ctypes.byref(self._basis)
@@ -139,11 +156,12 @@ class BasisInC:
 @dataclass(frozen=True)
 class Basis:
     """Thresholds of the plays (m,), rising, knots between the segments (s + 1,), rising, and thresholds of the fading
-    plays (k,), all in V."""
+    plays (k,), all in V; and how the weight of a play depends on where it stands."""
 
     play_r_V: Samples
     knots_V: Samples
     fading_r_V: Samples = field(default_factory=lambda: np.zeros(0))
+    density: PlayDensity = EVEN_DENSITY
 
     @property
     def n_segments(self) -> int:
@@ -162,7 +180,7 @@ class Basis:
 
     def equals(self, other: Basis) -> bool:
         """Whether both have the same plays and segments."""
-        return all(map(np.array_equal, self._thresholds(), other._thresholds()))
+        return self.density == other.density and all(map(np.array_equal, self._thresholds(), other._thresholds()))
 
     def _thresholds(self) -> tuple[Samples, Samples, Samples]:
         return self.play_r_V, self.knots_V, self.fading_r_V
@@ -176,8 +194,8 @@ class Basis:
 
     def in_C(self, rest_fraction: float) -> BasisInC:
         """For ``FitRun.fill``; its columns are 0 at rest at 0 V."""
-        of_plays, of_fading = ((r_V, rest_fraction * r_V) for r_V in (self.play_r_V, self.fading_r_V))
-        return BasisInC(self._segments, of_plays, of_fading)
+        of_plays = self.play_r_V, self.density.read(rest_fraction * self.play_r_V)
+        return BasisInC(self._segments, of_plays, self.density, (self.fading_r_V, rest_fraction * self.fading_r_V))
 
 
 def play_thresholds(swing_V: float, count: int) -> Samples:
@@ -189,11 +207,18 @@ def play_thresholds(swing_V: float, count: int) -> Samples:
 
 
 def nested_basis(
-    swing_V: float, low_V: float, high_V: float, n_plays: int, n_segments: int, *, fading: bool = False
+    swing_V: float,
+    low_V: float,
+    high_V: float,
+    n_plays: int,
+    n_segments: int,
+    *,
+    fading: bool = False,
+    density: PlayDensity = EVEN_DENSITY,
 ) -> Basis:
     """``play_thresholds``, equal segments from low to high, and fading plays if these are asked for."""
     fading_r_V = np.array(FADING if fading else ()) * swing_V
-    return Basis(play_thresholds(swing_V, n_plays), np.linspace(low_V, high_V, n_segments + 1), fading_r_V)
+    return Basis(play_thresholds(swing_V, n_plays), np.linspace(low_V, high_V, n_segments + 1), fading_r_V, density)
 
 
 Turns = tuple[float, ...]
@@ -347,7 +372,7 @@ def time_view(
     bends = np.diff(segment)
     r, w = basis.play_r_V[keep], weight[keep]
     d, s = basis.knots_V[1:-1][bent], bends[bent]
-    rest = float(w @ r * rest_fraction + s @ np.maximum(-d, 0.0))
+    rest = float(w @ basis.density.read(rest_fraction * r) + s @ np.maximum(-d, 0.0))
     return TimeView(
         gain_um_per_V=float(segment[0] + fading.sum()),
         play_r_V=tuple(r.tolist()),
@@ -357,6 +382,8 @@ def time_view(
         offset_um=at_rest_um - rest,
         delay_s=delay_s,
         rest_fraction=rest_fraction,
+        play_tilt=basis.density.tilt,
+        play_fade=basis.density.fade,
         u_range_V=(float(basis.knots_V[0]), float(basis.knots_V[-1])),
         rate_Hz=rate_Hz,
     )

@@ -139,6 +139,8 @@ class OperatorFit:
             lines.insert(3, f"{'lag':14}{1e3 * self.lag_s:12.5g} +- {1e3 * self.std['lag_s'][0]:.2g} ms")
         if view.field_bend:
             lines.append(f"{'field bend':14}{view.field_bend:12.5g} of half the voltage range")
+        if not view.density.is_even:
+            lines.append(f"{'play weights':14}{view.play_tilt:12.5g} tilt, {view.play_fade:.5g} fade")
         if self.creep is not None:
             lines.append(
                 f"{'creep':14}{100 * self.creep.per_decade:12.5g} % per decade from {self.creep.first_s:.2g} s on"

@@ -156,7 +156,8 @@ def as_known(runs: Sequence[AxisRun], known: OperatorFit, modes: tuple[Mode, ...
     """The records with the memories, the weight of offsets, the field and the lag of a fit."""
     memories = [record.turned_V for record in known.records]
     fits = thinned(runs, SEARCH_ROWS, ringing_s=ringing_s(modes), memories=memories)
-    return Records(runs, fits, weight_known(known)).in_field(known.view.field_bend).behind_a_lag(known.lag_s)
+    records = Records(runs, fits, weight_known(known)).in_field(known.view.field_bend).behind_a_lag(known.lag_s)
+    return records.weighing(known.view.play_tilt, known.view.play_fade)
 
 
 def told_behind_modes(records: Records, found: Solution, known: OperatorFit) -> tuple[Records, Solution, Sequence[str]]:
