@@ -34,7 +34,7 @@ from phaselead.gap.search import Progress, select_effects
 from phaselead.gap.selection import Selection
 from phaselead.gap.unexplained import Unexplained, unexplained
 from phaselead.gap.voltage_independent import VoltageIndependent, find_voltage_independent
-from phaselead.model import AxisModel, Effect
+from phaselead.model import AxisModel, Effect, catalogue
 
 _Finding = TypeVar("_Finding", NamedEffect, Adopted, Bound, Candidate, Cell, Detectable, NextExperiment)
 
@@ -147,12 +147,24 @@ def search_axis(
         candidates=list(vouched.selection.candidates),
         traces=final.traces(),
         spectra=other.spectra,
-        messages=[*vouched.messages, *other.messages],
+        messages=[*vouched.messages, *other.messages, *_if_further_off(final, named)],
         adopted=kept,
         detectable=_detectable(selection, candidates),
         unexplained=left.unexplained,
         doubts=unlike,
     )
+
+
+def _if_further_off(final: FinalFit, named: Sequence[NamedEffect]) -> list[str]:
+    """What to say where held-out records are further off with what is named than without, each about its own mean."""
+    slow = [one.name for one in named if catalogue()[one.name].slow]
+    if final.gap.after <= final.gap.before or not slow:
+        return []
+    return [
+        f"held-out records are further off with {' and '.join(slow)} than without, each about its own mean: how much "
+        "was still under way when they began no record tells, which the odds allow for and a prediction cannot; let "
+        "the stage stand, or drive the same path, before each record"
+    ]
 
 
 @dataclass(frozen=True)
