@@ -30,6 +30,11 @@ static inline bool even(const struct stage_density *d)
     return d->tilt == 0.0 && d->fade == 0.0;
 }
 
+static inline double added(const struct stage_density *d, double p)
+{
+    return even(d) ? p : read_out(d, p);
+}
+
 static inline double late(const double *u, double before, size_t k, size_t whole, double part)
 {
     double at = k >= whole ? u[k - whole] : before;
@@ -80,7 +85,7 @@ static void fill(const struct stage_basis *basis, double v, const double *p, con
         *out++ = (above < basis->high[j] ? above : basis->high[j]) - basis->segment_rest[j];
     }
     for (size_t j = 0; j < basis->n_plays; j++) {
-        *out++ = (even(&basis->density) ? p[j] : read_out(&basis->density, p[j])) - basis->play_rest[j];
+        *out++ = added(&basis->density, p[j]) - basis->play_rest[j];
     }
     for (size_t j = 0; j < basis->n_fading; j++) {
         *out++ = v - basis->fading_r[j] * z[j] - basis->fading_rest[j];
@@ -143,19 +148,45 @@ static bool nested(size_t m, const double *r, double scale, const double *p)
 struct stack { /* nested plays: those before `moving` follow v, the others stand still */
     size_t m, moving;
     const double *r, *w;
-    double scale, side;             /* of the thresholds; -1 while v rises, 1 while it falls */
-    double weight, reach, standing; /* sums of w and w r of those that move, and of w p of those that stand */
-    double *p;                      /* where those that stand are */
+    const struct stage_density *density;
+    double scale, side;                 /* of the thresholds; -1 while v rises, 1 while it falls */
+    double weight, reach, square, cube; /* sums of w, w r, w r^2 and w r^3 of those that move */
+    double standing;                    /* what those that stand add */
+    double *p;                          /* where those that stand are */
 };
+
+/* What the moving plays add. Within the span of the density that is a polynomial of v, whatever their number. */
+static inline double of_moving(const struct stack *s, double v)
+{
+    const struct stage_density *d = s->density;
+    if (even(d)) {
+        return s->weight * v + s->side * s->reach;
+    }
+    double widest = s->moving ? s->scale * s->r[s->moving - 1] / d->half : 0.0;
+    double a = (v - d->middle) / d->half;
+    if (!(a + widest <= 1.0 && a - widest >= -1.0)) {
+        double sum = 0.0;
+        for (size_t j = 0; j < s->moving; j++) {
+            sum += s->w[j] * read_out(d, v + s->side * (s->scale * s->r[j]));
+        }
+        return sum;
+    }
+    double first = s->side * s->reach / d->half, second = s->square / (d->half * d->half);
+    double third = s->side * s->cube / (d->half * d->half * d->half);
+    double straight = s->weight * a + first;
+    double squares = a * (s->weight * a + 2.0 * first) + second;
+    double cubes = a * (a * (s->weight * a + 3.0 * first) + 3.0 * second) + third;
+    return d->half * (straight + d->tilt / 2.0 * squares - d->fade / 3.0 * cubes) - s->weight * d->at_zero;
+}
 
 static void stand_still(struct stack *s, double v)
 {
-    s->standing += s->weight * v + s->side * s->reach;
+    s->standing += of_moving(s, v);
     for (size_t j = 0; j < s->moving; j++) {
         s->p[j] = v + s->side * (s->scale * s->r[j]);
     }
     s->moving = 0;
-    s->weight = s->reach = 0.0;
+    s->weight = s->reach = s->square = s->cube = 0.0;
 }
 
 static inline double follow(struct stack *s, double before, double v)
@@ -172,32 +203,34 @@ static inline double follow(struct stack *s, double before, double v)
         }
         s->weight += w;
         s->reach += w * r;
-        s->standing -= w * p;
+        s->square += w * r * r;
+        s->cube += w * r * r * r;
+        s->standing -= w * added(s->density, p);
     }
-    return s->weight * v + side * s->reach + s->standing;
+    return of_moving(s, v) + s->standing;
 }
 
-static double weighed(size_t m, const double *w, const double *p)
+static double weighed(size_t m, const double *w, const struct stage_density *density, const double *p)
 {
     double sum = 0.0;
     for (size_t j = 0; j < m; j++) {
-        sum += w[j] * p[j];
+        sum += w[j] * added(density, p[j]);
     }
     return sum;
 }
 
-void stage_weighed_plays(size_t n, const double *v, double scale, size_t m, const double *r, const double *w, double *p,
-                         double *y)
+static void weighed_plays(size_t n, const double *v, double scale, size_t m, const double *r, const double *w,
+                          const struct stage_density *density, double *p, double *y)
 {
     bool in_turn = false;
-    struct stack s = {m, 0, r, w, scale, -1.0, 0.0, 0.0, 0.0, p};
+    struct stack s = {m, 0, r, w, density, scale, -1.0, 0.0, 0.0, 0.0, 0.0, 0.0, p};
     for (size_t k = 0; k < n; k++) {
         if (in_turn) {
             y[k] = follow(&s, v[k - 1], v[k]);
             continue;
         }
         step(v[k], m, r, scale, p);
-        y[k] = weighed(m, w, p);
+        y[k] = weighed(m, w, density, p);
         if (nested(m, r, scale, p)) {
             in_turn = true;
             s.standing = y[k];
@@ -208,24 +241,16 @@ void stage_weighed_plays(size_t n, const double *v, double scale, size_t m, cons
     }
 }
 
-static void plays_of_uneven_weight(const struct stage_operator *op, size_t n, const double *v, double *p, double *y)
+void stage_weighed_plays(size_t n, const double *v, double scale, size_t m, const double *r, const double *w, double *p,
+                         double *y)
 {
-    for (size_t k = 0; k < n; k++) {
-        step(v[k], op->n_plays, op->play_r, 1.0, p);
-        y[k] = 0.0;
-        for (size_t j = 0; j < op->n_plays; j++) {
-            y[k] += op->play_w[j] * read_out(&op->density, p[j]);
-        }
-    }
+    static const struct stage_density same = {0.0, 0.0, 0.0, 1.0, 0.0};
+    weighed_plays(n, v, scale, m, r, w, &same, p, y);
 }
 
 void stage_response(const struct stage_operator *op, size_t n, const double *v, double *p, double *x)
 {
-    if (even(&op->density)) {
-        stage_weighed_plays(n, v, 1.0, op->n_plays, op->play_r, op->play_w, p, x);
-    } else {
-        plays_of_uneven_weight(op, n, v, p, x);
-    }
+    weighed_plays(n, v, 1.0, op->n_plays, op->play_r, op->play_w, &op->density, p, x);
     for (size_t k = 0; k < n; k++) {
         double sum = op->gain * v[k] + x[k];
         for (size_t j = 0; j < op->n_deadzones; j++) {

@@ -39,7 +39,7 @@ class PlayDensity:
     def at(self, p_V: ArrayLike) -> Samples:
         """Weights at levels in V, of the same shape."""
         s = np.clip(self._share(p_V), -1.0, 1.0)
-        return np.asarray(1 + self.tilt * s - self.fade * s**2)
+        return np.asarray(1 + s * (self.tilt - s * self.fade))
 
     def read(self, p_V: ArrayLike) -> Samples:
         """What plays add that stand at levels in V, of the same shape, a unit of weight each: in V, and 0 at 0 V."""
@@ -55,8 +55,9 @@ class PlayDensity:
         low, high = self.span_V
         s = self._share(p)
         inside = np.clip(s, -1.0, 1.0)
-        passed = inside + self.tilt * inside**2 / 2 - self.fade * inside**3 / 3
-        return np.asarray((high - low) / 2 * (passed + self.at(p) * (s - inside)))
+        passed = inside * (1 + inside * (self.tilt / 2 - inside * self.fade / 3))
+        weight = 1 + inside * (self.tilt - inside * self.fade)
+        return np.asarray((high - low) / 2 * (passed + weight * (s - inside)))
 
 
 EVEN_DENSITY = PlayDensity()
