@@ -48,6 +48,19 @@ def field_V(view: TimeView, u: np.ndarray) -> np.ndarray:
     return bent(np.asarray(u)) - bent(np.zeros(()))
 
 
+def read_V(view: TimeView, p: np.ndarray) -> np.ndarray:
+    """The integral of 1 + tilt s - fade s^2 from 0 V on, its tangents beyond the field of the fitted voltages."""
+    low, high = field_V(view, np.array(view.u_range_V))
+    half, middle, a, b = (high - low) / 2, (high + low) / 2, view.play_tilt, view.play_fade
+
+    def below(v: np.ndarray) -> np.ndarray:
+        s = (v - middle) / half
+        left, right = -1 + a / 2 + b / 3 + (1 - a - b) * (s + 1), 1 + a / 2 - b / 3 + (1 + a - b) * (s - 1)
+        return half * np.where(s < -1, left, np.where(s > 1, right, s + a * s**2 / 2 - b * s**3 / 3))
+
+    return below(np.asarray(p)) - below(np.zeros(()))
+
+
 @st.composite
 def views(draw: st.DrawFn) -> TimeView:
     r = draw(thresholds)
@@ -63,6 +76,8 @@ def views(draw: st.DrawFn) -> TimeView:
         delay_s=draw(st.floats(0, 0.02)),
         rest_fraction=draw(st.floats(-1, 1)),
         field_bend=draw(st.sampled_from([0.0, 0.0, 0.2, -0.1])),
+        play_tilt=draw(st.sampled_from([0.0, 0.0, 0.4, -0.3])),
+        play_fade=draw(st.sampled_from([0.0, 0.0, 0.4, -0.2])),
         u_range_V=draw(st.sampled_from([(-10.0, 10.0), (0.0, 8.0), (2.0, 9.0)])),
         rate_Hz=200.0,
     )
@@ -158,7 +173,7 @@ def test_plays_that_move_in_turn_add_up(v, view, data):
     v = field_V(view, v)
     each, end = plays(v, view.play_r_V, start)
     beyond = np.maximum(v[:, None] - np.array(view.deadzone_d_V), 0.0) @ np.array(view.deadzone_s_um_per_V)
-    added = view.offset_um + view.gain_um_per_V * v + each @ np.array(view.play_w_um_per_V) + beyond
+    added = view.offset_um + view.gain_um_per_V * v + read_V(view, each) @ np.array(view.play_w_um_per_V) + beyond
     assert np.allclose(found, added, rtol=0, atol=1e-9)
     assert np.allclose(same_end, end, rtol=0, atol=1e-12)
 
@@ -179,7 +194,7 @@ def test_prediction_equals_the_formula(u, view):
     step = (t[-1] - t[0]) / (len(t) - 1) if len(t) > 1 else 1.0
     v = field_V(view, delayed(u, view.delay_s / step))
     p = np.array(slow_plays(v.tolist(), list(view.play_r_V), rest_plays(view).tolist())).reshape(len(v), -1)
-    x = view.offset_um + view.gain_um_per_V * v + p @ np.array(view.play_w_um_per_V)
+    x = view.offset_um + view.gain_um_per_V * v + read_V(view, p) @ np.array(view.play_w_um_per_V)
     for d, s in zip(view.deadzone_d_V, view.deadzone_s_um_per_V, strict=True):
         x = x + s * np.maximum(v - d, 0)
     assert np.allclose(predict_time_view(view, t, u), x, atol=1e-9)
