@@ -215,7 +215,7 @@ def test_a_record_begins_with_a_step_from_rest_or_where_it_had_stood(plays, step
 
 
 @pytest.mark.parametrize(
-    "uneven", [{}, {"field_bend": 0.1}, {"field_bend": -0.15}, {"play_tilt": 0.4, "play_fade": 0.3}]
+    "uneven", [{}, {"field_bend": 0.1}, {"field_bend": -0.15}, {"play_tilt": 0.4, "play_taper": 0.3}]
 )
 @pytest.mark.parametrize("turns", [(8.0,), (8.0, 0.0), (7.0, 0.5, 6.0)])
 def test_what_a_model_leaves_is_told_from_where_a_record_began(turns, uneven):

@@ -82,7 +82,7 @@ def test_uneven_weights_are_found_and_predict(weight):
     assert "play weights" in str(report.time["x"])
     assert "play_tilt" in " ".join(report.messages)
     of_axis = report.as_dict()["axes"]["x"]
-    assert (of_axis["play_tilt"], of_axis["play_fade"]) == (view.play_tilt, view.play_fade)
+    assert (of_axis["play_tilt"], of_axis["play_taper"]) == (view.play_tilt, view.play_taper)
     alike = fit(records_of(even))[0]
     assert held_out_um(stage, weight) < 1.3 * held_out_um(alike, even)
 
@@ -107,7 +107,7 @@ def test_a_stage_file_keeps_them(tmp_path):
     stage, _ = fit(records_of(bell))
     save_stage(tmp_path / "bell.toml", stage)
     again = load_stage(tmp_path / "bell.toml")
-    assert again.axis("x").time.play_fade == pytest.approx(stage.axis("x").time.play_fade)
+    assert again.axis("x").time.play_taper == pytest.approx(stage.axis("x").time.play_taper)
 
 
 def test_weights_that_nearly_vanish_are_refused_in_one_line(tmp_path):
@@ -115,5 +115,5 @@ def test_weights_that_nearly_vanish_are_refused_in_one_line(tmp_path):
     save_stage(path, fit(records_of(bell))[0])
     text = path.read_text()
     path.write_text("\n".join("play_tilt = 0.9" if "play_tilt" in line else line for line in text.splitlines()))
-    with pytest.raises(BadInput, match=r"play_tilt = 0.9 and play_fade .*smaller"):
+    with pytest.raises(BadInput, match=r"play_tilt = 0.9 and play_taper .*smaller"):
         load_stage(path)

@@ -49,9 +49,9 @@ def field_V(view: TimeView, u: np.ndarray) -> np.ndarray:
 
 
 def read_V(view: TimeView, p: np.ndarray) -> np.ndarray:
-    """The integral of 1 + tilt s - fade s^2 from 0 V on, its tangents beyond the field of the fitted voltages."""
+    """The integral of 1 + tilt s - taper s^2 from 0 V on, its tangents beyond the field of the fitted voltages."""
     low, high = field_V(view, np.array(view.u_range_V))
-    half, middle, a, b = (high - low) / 2, (high + low) / 2, view.play_tilt, view.play_fade
+    half, middle, a, b = (high - low) / 2, (high + low) / 2, view.play_tilt, view.play_taper
 
     def below(v: np.ndarray) -> np.ndarray:
         s = (v - middle) / half
@@ -77,7 +77,7 @@ def views(draw: st.DrawFn) -> TimeView:
         rest_fraction=draw(st.floats(-1, 1)),
         field_bend=draw(st.sampled_from([0.0, 0.0, 0.2, -0.1])),
         play_tilt=draw(st.sampled_from([0.0, 0.0, 0.4, -0.3])),
-        play_fade=draw(st.sampled_from([0.0, 0.0, 0.4, -0.2])),
+        play_taper=draw(st.sampled_from([0.0, 0.0, 0.4, -0.2])),
         u_range_V=draw(st.sampled_from([(-10.0, 10.0), (0.0, 8.0), (2.0, 9.0)])),
         rate_Hz=200.0,
     )

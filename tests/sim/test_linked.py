@@ -124,18 +124,20 @@ def test_the_field_bends_as_its_equation_says(bend, u_range_V):
 
 
 @pytest.mark.parametrize(
-    ("tilt", "fade", "u_range_V"), [(0.5, 0.0, (0, 10)), (-0.3, 0.4, (3, 8)), (0.2, -0.5, (-9, 2))]
+    ("tilt", "taper", "u_range_V"), [(0.5, 0.0, (0, 10)), (-0.3, 0.4, (3, 8)), (0.2, -0.5, (-9, 2))]
 )
-def test_plays_weigh_as_their_equation_says(tilt, fade, u_range_V):
+def test_plays_weigh_as_their_equation_says(tilt, taper, u_range_V):
     """Also where plays leave the fitted range, in a bent field, and beside plays of an effect, which weigh evenly."""
     t, u = drive()
-    uneven = VIEW.model_copy(update={"play_tilt": tilt, "play_fade": fade, "field_bend": 0.05, "u_range_V": u_range_V})
+    uneven = VIEW.model_copy(
+        update={"play_tilt": tilt, "play_taper": taper, "field_bend": 0.05, "u_range_V": u_range_V}
+    )
     effects = (AdoptedEffect(name="hysteresis", params=sizes("hysteresis")), SMOOTH)
     shown = measure(stage_of(*effects, view=uneven), u)[0][:, 0]
     late = uneven.model_copy(update={"delay_s": STAIRS_S})
     told, even = (
         simulate(AxisModel(time=view, effects=effects), t, u)
-        for view in (late, late.model_copy(update={"play_tilt": 0.0, "play_fade": 0.0}))
+        for view in (late, late.model_copy(update={"play_tilt": 0.0, "play_taper": 0.0}))
     )
     assert np.std(told - even) > 0.5
     assert np.std(shown - told) < 0.01

@@ -32,9 +32,9 @@ from phaselead.gap.records import GapRun
 from phaselead.gap.scale import unlike_others, unlike_own_fit
 from phaselead.gap.search import Progress, select_effects
 from phaselead.gap.selection import Selection
-from phaselead.gap.unexplained import Unexplained, unexplained
+from phaselead.gap.unexplained import WORTH_SHARE, Unexplained, unexplained
 from phaselead.gap.voltage_independent import VoltageIndependent, find_voltage_independent
-from phaselead.model import AxisModel, Effect, catalogue
+from phaselead.model import AxisModel, Effect
 
 _Finding = TypeVar("_Finding", NamedEffect, Adopted, Bound, Candidate, Cell, Detectable, NextExperiment)
 
@@ -147,7 +147,7 @@ def search_axis(
         candidates=list(vouched.selection.candidates),
         traces=final.traces(),
         spectra=other.spectra,
-        messages=[*vouched.messages, *other.messages, *_if_further_off(final, named)],
+        messages=[*vouched.messages, *other.messages, *_if_further_off(final)],
         adopted=kept,
         detectable=_detectable(selection, candidates),
         unexplained=left.unexplained,
@@ -155,15 +155,16 @@ def search_axis(
     )
 
 
-def _if_further_off(final: FinalFit, named: Sequence[NamedEffect]) -> list[str]:
-    """What to say where held-out records are further off with what is named than without, each about its own mean."""
-    slow = [one.name for one in named if catalogue()[one.name].slow]
-    if final.gap.after <= final.gap.before or not slow:
+def _if_further_off(final: FinalFit) -> list[str]:
+    """What to say where held-out records are further off with a slow effect that is adopted than without, each about
+    its own mean."""
+    slow = [effect.name for effect, _ in final.entries if effect.slow]
+    if final.gap.after**2 <= (1 + WORTH_SHARE) * final.gap.before**2 or not slow:
         return []
     return [
         f"held-out records are further off with {' and '.join(slow)} than without, each about its own mean: how much "
-        "was still under way when they began no record tells, which the odds allow for and a prediction cannot; let "
-        "the stage stand, or drive the same path, before each record"
+        "was still under way when they began is not known; the odds count that, these figures do not. Let the stage "
+        "stand, or drive it the same way, before each record"
     ]
 
 

@@ -12,7 +12,7 @@ from phaselead.identify.verification import View
 from phaselead.identify.verifications import Verifications
 from phaselead.identify.words import describe_axis, describe_coupling
 from phaselead.model import AxisModel, Stage, predict
-from phaselead.record import Recording
+from phaselead.record import Recording, Samples
 from phaselead.result import Result, Table
 
 if TYPE_CHECKING:
@@ -105,12 +105,21 @@ class FitResult(Result):
         if worst is None:
             return self.model.plot()
         record, axis = worst
-        measured_um, model_um = record.axes[axis].x_um, predict(self.model, record).axes[axis].x_um
+        measured_um, model_um = record.axes[axis].x_um, self.predicted_um(record, axis)
         assert measured_um is not None
-        assert model_um is not None
         name = f"{PurePath(record.source).name} ({axis})"
         rows = record.scored
         return against_model(name, record.t_s[rows], measured_um[rows], model_um[rows])
+
+    def predicted_um(self, record: Recording, axis: str) -> Samples:
+        """The model's position (n,) in um in one of the records of the fit, from where that found it to begin and at
+        the offset that it has."""
+        found = self.report.time[axis]
+        known = next(one for one in found.records if one.source == record.source)
+        turned_V = {} if known.turned_V is None else {axis: known.turned_V}
+        x_um = predict(self.model, record, turned_V=turned_V).axes[axis].x_um
+        assert x_um is not None
+        return x_um + known.mean_um if found.own_offsets else x_um
 
     def _worst(self) -> tuple[Recording, str] | None:
         """The record and axis with the largest residual, in parts of its range."""

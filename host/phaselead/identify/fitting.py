@@ -14,7 +14,6 @@ from phaselead.identify.odd_record import about_scale, about_unlike_record, refu
 from phaselead.identify.operator import OperatorFit
 from phaselead.identify.runs import (
     SAME_RATE,
-    STILL_V,
     AxisRun,
     SineDrive,
     driven_axes,
@@ -45,6 +44,8 @@ Base = Literal["operator", "linear"]
 
 MOSTLY_STILL = 0.5
 """Of the scored rows: what creeps in them counts more than what moves."""
+BEYOND = 0.01
+"""Of what records span: by less, rounding and calibration may take them beyond limits and sensor of a stage file."""
 
 
 @dataclass(frozen=True)
@@ -88,7 +89,7 @@ class FitReport:
                 "residual_um_rms": result.view.residual_um_rms,
                 "field_bend": result.view.field_bend,
                 "play_tilt": result.view.play_tilt,
-                "play_fade": result.view.play_fade,
+                "play_taper": result.view.play_taper,
                 "creep_per_decade": 0.0 if result.creep is None else result.creep.per_decade,
                 "std": {name: [_known(v) for v in values] for name, values in result.std.items()},
                 "records": [vars(record) for record in result.records],
@@ -183,9 +184,9 @@ def _beyond_what_is_known(axis: str, model: AxisModel, runs: Sequence[AxisRun]) 
     low_V, high_V = min(float(run.u_V.min()) for run in runs), max(float(run.u_V.max()) for run in runs)
     low_um, high_um = min(float(run.x_um.min()) for run in runs), max(float(run.x_um.max()) for run in runs)
     limits, sensor, found = model.limits, model.sensor, []
-    if max(limits.u_min_V - low_V, high_V - limits.u_max_V) > STILL_V:
+    if max(limits.u_min_V - low_V, high_V - limits.u_max_V) > BEYOND * (high_V - low_V):
         found.append(f"{low_V:.4g}..{high_V:.4g} V (limits {limits.u_min_V:g}..{limits.u_max_V:g} V)")
-    if low_um < sensor.x_min_um or high_um > sensor.x_max_um:
+    if max(sensor.x_min_um - low_um, high_um - sensor.x_max_um) > BEYOND * (high_um - low_um):
         found.append(f"{low_um:.4g}..{high_um:.4g} um (sensor {sensor.x_min_um:g}..{sensor.x_max_um:g} um)")
     if not found:
         return []
@@ -342,7 +343,7 @@ def _about_weights(axis: str, found: OperatorFit) -> list[str]:
     low, high = view.density.at(view.density.span_V)
     return [
         f"axis {axis}: its plays weigh {low:.3g} times as much at the lower end of the range as in its middle, "
-        f"{high:.3g} times at the upper (play_tilt and play_fade of its time view)"
+        f"{high:.3g} times at the upper (play_tilt and play_taper of its time view)"
     ]
 
 

@@ -17,8 +17,12 @@ from phaselead.record import Recording, Samples, slow_gain
 View = Literal["time", "table"]
 CLEARLY_BETTER = 2.0
 """Times less rms, in the rows in which two predictions differ. Chosen: a quarter of the power."""
-TURNS_TRIED = 9
+TURNS_TRIED = 33
 """Voltages over the range of the model at which a stage may have turned round before a record that begins at 0 V."""
+BEST_OF_MANY = 4.0
+"""What ``CLEARLY_BETTER`` is for the best of so many. Chosen: one of them is better by chance."""
+ALIKE = 1.01
+"""Times the rms of the best by which turns leave the same: beyond twice the largest threshold all do."""
 TIME_VIEW = 'judge the time view: --view time (in Python view="time")'
 
 
@@ -99,19 +103,22 @@ def _about_start(stage: Stage, recording: Recording, run: AxisRun, rested_um: Sa
     tried = {turned_V: left_um(turned_V) for turned_V in _ways(stage, run, rested)}
     if not tried:
         return ""
-    way, elsewhere = min(tried.items(), key=lambda one: float(np.std(one[1])))
+    least_um = min(float(np.std(left)) for left in tried.values())
+    alike = [turned_V for turned_V, left in tried.items() if float(np.std(left)) <= ALIKE * least_um]
+    way = min(alike, key=lambda turned_V: [abs(volt) for volt in turned_V])
+    elsewhere = tried[way]
     # Rows in which the two differ by less than the better one is off anyway tell nothing.
     differ = np.flatnonzero(np.abs(rested - elsewhere) > np.std(elsewhere))
     offset_um = elsewhere.mean() if refit_offset else 0.0
     both = (rested, elsewhere)
     rms_um = [float(np.sqrt(np.mean((e[differ] - offset_um) ** 2))) if differ.size else 0.0 for e in both]
-    if rms_um[0] <= CLEARLY_BETTER * rms_um[1]:
+    if rms_um[0] <= (BEST_OF_MANY if way else CLEARLY_BETTER) * rms_um[1]:
         return ""
     at = f"{run.source}: axis {run.axis} begins at {run.u_V[0]:.3g} V"
     if way:
         said = (
             f"{at}, which counts as at rest: that leaves {rms_um[0]:.3g} um rms where it matters, {rms_um[1]:.3g} if "
-            f"the stage had come from about {way[0]:.3g} V. If it had, "
+            f"the stage had come from about {way[0]:.3g} V{' or further' if len(alike) > 1 else ''}. If it had, "
         )
     else:
         said = (
@@ -120,7 +127,8 @@ def _about_start(stage: Stage, recording: Recording, run: AxisRun, rested_um: Sa
         )
     t_s = run.t_s[run.scored]
     if len(t_s) - (differ[-1] + 1) < FEWEST_ROWS:
-        return said + "that matters to the end: record it with the way from 0 V, and score what comes after"
+        first = "drive a full loop first" if way else "record it with the way from 0 V"
+        return said + f"that matters to the end: {first}, and score what comes after"
     decimals = max(0, math.ceil(-math.log10(run.step_s))) + 1
     return said + f"score only what comes after, with the window @{t_s[differ[-1] + 1]:.{decimals}f}:"
 

@@ -98,7 +98,7 @@ class TimeView(Part):
     play_tilt: Number = Field(
         0.0, description="how much more plays weigh that stand at the top of the range than at mid-range, as a share"
     )
-    play_fade: Number = Field(
+    play_taper: Number = Field(
         0.0, description="how much less they weigh at both ends than at mid-range; 0 and 0: the same at all levels"
     )
     u_range_V: Span = Field(description="voltages it was fitted on, V")
@@ -141,11 +141,11 @@ class TimeView(Part):
 
     @model_validator(mode="after")
     def _plays_weigh(self) -> Self:
-        uneven = abs(self.play_tilt) + abs(self.play_fade)
+        uneven = abs(self.play_tilt) + abs(self.play_taper)
         if uneven > MOST_UNEVEN:
             fault(
-                f"= {self.play_tilt:g} and play_fade = {self.play_fade:g} take more than {MOST_UNEVEN:g} of the weight "
-                "together; make them smaller",
+                f"= {self.play_tilt:g} and play_taper = {self.play_taper:g} take more than {MOST_UNEVEN:g} of the "
+                "weight together; make them smaller",
                 ".play_tilt",
             )
         return self
@@ -156,10 +156,15 @@ class TimeView(Part):
         return EffectiveField(self.field_bend, self.u_range_V)
 
     @property
+    def is_even(self) -> bool:
+        """Whether it is the same at all levels: its field is the voltage, and its plays weigh the same everywhere."""
+        return not (self.field_bend or self.play_tilt or self.play_taper)
+
+    @property
     def density(self) -> PlayDensity:
         """How the weight of a play depends on where it stands in that field."""
         low_V, high_V = self.u_range_V
-        return PlayDensity(self.play_tilt, self.play_fade, (self.field.at(low_V), self.field.at(high_V)))
+        return PlayDensity(self.play_tilt, self.play_taper, (self.field.at(low_V), self.field.at(high_V)))
 
 
 class Gains(Part):

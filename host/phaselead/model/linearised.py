@@ -5,10 +5,13 @@ from __future__ import annotations
 import itertools
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from phaselead.errors import BadInput
 from phaselead.model.axis import AxisModel, TimeView
 from phaselead.model.effects import Mode, effect, rewritten
 from phaselead.model.inverse import BACKWARDS, in_time_view
+from phaselead.model.operator import CURVE_PIECES
 
 
 @dataclass(frozen=True)
@@ -35,6 +38,9 @@ def small_signal(axis: AxisModel) -> SmallSignal:
     if view is None:
         raise BadInput("it has no time view; fit or identify it")
     low, high = slopes_um_per_V(view)
+    if axis.time is not None and not axis.time.is_even:
+        own_low, own_high = slopes_um_per_V(axis.time)
+        low, high = min(low, own_low), max(high, own_high)
     if high <= 0:
         raise BadInput(BACKWARDS)
     entries = rewritten([(effect(e.name), effect(e.name).complete(e.params)) for e in axis.effects])
@@ -46,6 +52,15 @@ def small_signal(axis: AxisModel) -> SmallSignal:
 def slopes_um_per_V(view: TimeView) -> tuple[float, float]:
     """Lowest slope without plays and highest with all of them, over the voltages that the view was fitted on."""
     low_V, high_V = view.u_range_V
+    if not view.is_even:
+        knots_V = np.unique(np.clip([*np.linspace(low_V, high_V, CURVE_PIECES + 1), *view.deadzone_d_V], low_V, high_V))
+        v = view.field.of(knots_V)
+        standing = view.gain_um_per_V * v
+        for d, s in zip(view.deadzone_d_V, view.deadzone_s_um_per_V, strict=True):
+            standing = standing + s * np.maximum(v - d, 0.0)
+        each = np.diff(standing) / np.diff(knots_V)
+        moving = np.diff(view.density.read(v)) / np.diff(knots_V) * sum(view.play_w_um_per_V)
+        return float(each.min()), float((each + moving).max())
     bends = list(zip(view.deadzone_d_V, view.deadzone_s_um_per_V, strict=True))
     below = sum(s for d, s in bends if d <= low_V)
     inside = [s for d, s in bends if low_V < d < high_V]

@@ -20,14 +20,14 @@ static inline double read_out(const struct stage_density *d, double p)
 {
     double s = (p - d->middle) / d->half;
     double inside = s < -1.0 ? -1.0 : s > 1.0 ? 1.0 : s;
-    double passed = inside * (1.0 + inside * (d->tilt / 2.0 - inside * d->fade / 3.0));
-    double weight = 1.0 + inside * (d->tilt - inside * d->fade);
+    double passed = inside * (1.0 + inside * (d->tilt / 2.0 - inside * d->taper / 3.0));
+    double weight = 1.0 + inside * (d->tilt - inside * d->taper);
     return d->half * (passed + weight * (s - inside)) - d->at_zero;
 }
 
 static inline bool even(const struct stage_density *d)
 {
-    return d->tilt == 0.0 && d->fade == 0.0;
+    return d->tilt == 0.0 && d->taper == 0.0;
 }
 
 static inline double added(const struct stage_density *d, double p)
@@ -176,7 +176,7 @@ static inline double of_moving(const struct stack *s, double v)
     double straight = s->weight * a + first;
     double squares = a * (s->weight * a + 2.0 * first) + second;
     double cubes = a * (a * (s->weight * a + 3.0 * first) + 3.0 * second) + third;
-    return d->half * (straight + d->tilt / 2.0 * squares - d->fade / 3.0 * cubes) - s->weight * d->at_zero;
+    return d->half * (straight + d->tilt / 2.0 * squares - d->taper / 3.0 * cubes) - s->weight * d->at_zero;
 }
 
 static void stand_still(struct stack *s, double v)

@@ -37,8 +37,8 @@ struct stage_record { /* a voltage, the rows at which it turns round (row 0 amon
     const double *x; /* positions at those rows */
 };
 
-struct stage_density { /* a play at p weighs 1 + tilt s - fade s^2, s = (p - middle) / half within -1..1 */
-    double tilt, fade, middle, half;
+struct stage_density { /* a play at p weighs 1 + tilt s - taper s^2, s = (p - middle) / half within -1..1 */
+    double tilt, taper, middle, half;
     double at_zero; /* what a play adds per unit of weight that stands at 0 V: taken off */
 };
 

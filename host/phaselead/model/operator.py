@@ -27,6 +27,8 @@ from phaselead.record import Samples
 CURVE_PIECES = 16
 """Straight pieces that a parabola over the range is drawn with in a time view: within 0.4 % of its size. All have the
 same ends, so that several need no more dead zones than one."""
+NO_WEIGHT = 1e-6
+"""Of the mean slope: plays below that add nothing."""
 LEG_ROWS = 60
 """Of each way between two turns of the loops along which even plays are fitted to others."""
 
@@ -34,14 +36,14 @@ LEG_ROWS = 60
 class DensityInC(ctypes.Structure):
     """struct stage_density of operator.h."""
 
-    _fields_ = tuple((name, ctypes.c_double) for name in ("tilt", "fade", "middle", "half", "at_zero"))
+    _fields_ = tuple((name, ctypes.c_double) for name in ("tilt", "taper", "middle", "half", "at_zero"))
 
     @staticmethod
     def of(density: PlayDensity) -> DensityInC:
         """As the kernel reads it."""
         low, high = density.span_V
         middle = (low + high) / 2
-        return DensityInC(density.tilt, density.fade, middle, (high - low) / 2, -float(density.read(middle)))
+        return DensityInC(density.tilt, density.taper, middle, (high - low) / 2, -float(density.read(middle)))
 
 
 class _Operator(ctypes.Structure):
@@ -205,29 +207,33 @@ def resting_at(view: TimeView, rest_um: float) -> TimeView:
 @lru_cache(maxsize=64)
 def with_even_plays(view: TimeView) -> TimeView:
     """The view in an even field whose plays weigh the same at all levels, as the device has no others: plays of the
-    same thresholds and straight pieces, by least squares along a full loop and smaller ones within.
+    same thresholds and straight pieces, by least squares along the way up from rest, a full loop and smaller ones.
 
     So that it rises wherever a voltage turns round, a piece keeps at least half of the slope that the view has there
-    while its plays stand still.
+    while its plays stand still. Plays too wide to turn in a full loop keep the weight that they have at mid-range.
     """
-    if not view.field_bend and view.density.is_even:
+    if view.is_even:
         return view
     from scipy.optimize import lsq_linear  # at the top it would double the time that this package takes to load
 
     low, high = view.u_range_V
     knots = np.linspace(low, high, CURVE_PIECES + 1)
-    u = _smaller_and_smaller(low, high)
-    start = plays_after(view, high, low)
+    u = _from_rest_and_smaller(low, high)
+    inside = (u >= low) & (u <= high)
+    r, rest = doubles(view.play_r_V), rest_plays(view)
+    moved = plays(u, r, rest)[0] - rest
+    turning = 2 * r < high - low
+    weights = doubles(view.play_w_um_per_V) * view.density.at(np.full(len(r), sum(view.density.span_V) / 2))
+    x = respond(view, u, rest)[0] - rest_position_um(view) - moved[:, ~turning] @ weights[~turning]
+    ends = np.concatenate([[-np.inf], knots[1:-1], [np.inf]])
+    pieces = np.clip(u[:, None], ends[:-1], ends[1:]) - np.clip(0.0, ends[:-1], ends[1:])
+    columns = np.concatenate([pieces, moved[:, turning]], axis=1)
     side = -1.0 if view.gain_um_per_V < 0 else 1.0
-    x = side * respond(view, u, start)[0]
-    pieces = np.clip(u[:, None], knots[:-1], knots[1:]) - knots[:-1]
-    r = doubles(view.play_r_V)
-    moved, _ = plays(u, r, np.clip(start, low - r, low + r))
-    columns = np.concatenate([pieces, moved], axis=1)
     standing = side * np.diff(_without_plays_um(view, view.field.of(knots))) / np.diff(knots)
-    least = np.concatenate([np.where(standing > 0, standing / 2, -np.inf), np.zeros(len(r))])
-    found = side * lsq_linear(columns - columns.mean(axis=0), x - x.mean(), (least, np.inf)).x
-    slopes, weights = found[: len(knots) - 1], found[len(knots) - 1 :]
+    least = np.concatenate([np.where(standing > 0, standing / 2, -np.inf), np.zeros(int(turning.sum()))])
+    found = side * lsq_linear(columns[inside], side * x[inside], (least, np.inf)).x
+    slopes, weights[turning] = found[: len(knots) - 1], found[len(knots) - 1 :]
+    weights[np.abs(weights) < NO_WEIGHT * abs(slopes).mean()] = 0.0
     update = {
         "gain_um_per_V": float(slopes[0]),
         "play_w_um_per_V": tuple(weights.tolist()),
@@ -235,15 +241,16 @@ def with_even_plays(view: TimeView) -> TimeView:
         "deadzone_s_um_per_V": tuple(np.diff(slopes).tolist()),
         "field_bend": 0.0,
         "play_tilt": 0.0,
-        "play_fade": 0.0,
+        "play_taper": 0.0,
     }
     return resting_at(view.model_copy(update=update), rest_position_um(view))
 
 
-def _smaller_and_smaller(low_V: float, high_V: float) -> Samples:
-    """Voltages (n,) of loops from the lower end on, a full one and eight smaller ones about the middle."""
+def _from_rest_and_smaller(low_V: float, high_V: float) -> Samples:
+    """Voltages (n,) from 0 V to the upper end, of a full loop and of eight smaller ones about the middle."""
     middle_V, half_V = (low_V + high_V) / 2, (high_V - low_V) / 2
-    turns_V = middle_V + half_V * np.repeat(np.arange(9, 0, -1) / 9, 2) * np.tile([-1.0, 1.0], 9)
+    turns_V = middle_V + half_V * np.repeat(np.arange(9, 0, -1) / 9, 2) * np.tile([1.0, -1.0], 9)
+    turns_V = np.concatenate([[0.0], turns_V, [middle_V]])
     legs = np.arange((len(turns_V) - 1) * LEG_ROWS + 1) / LEG_ROWS
     return np.asarray(np.interp(legs, np.arange(len(turns_V)), turns_V))
 

@@ -12,7 +12,7 @@ from scipy.signal import welch
 
 from phaselead.drawing import AXIS_COLOURS, figure_style, new_figure, thin
 from phaselead.identify import FitResult, noise_um_rms
-from phaselead.model import TICK_S, AxisModel, predict, simulate
+from phaselead.model import TICK_S, AxisModel, simulate
 from phaselead.record import Recording, Samples
 from phaselead.waveforms import Goto
 
@@ -138,9 +138,8 @@ def noise_figure(result: FitResult) -> Figure | None:
         figure = new_figure(9.4, 3.6)
         panel = figure.add_subplot()
         for axis, record in quietest.items():
-            measured_um, model_um = record.axes[axis].x_um, predict(result.model, record).axes[axis].x_um
+            measured_um, model_um = record.axes[axis].x_um, result.predicted_um(record, axis)
             assert measured_um is not None
-            assert model_um is not None
             left_um = (measured_um - model_um)[record.scored]
             f_Hz, power = welch(left_um, record.rate_Hz, nperseg=min(MOST_ROWS, len(left_um)))
             white_um = noise_um_rms(record, axis) or 0.0

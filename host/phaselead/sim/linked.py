@@ -299,7 +299,7 @@ def _axis(axis: LinkedAxis, model: AxisModel | None, where: str, tick_s: float, 
     view, parts = model.time, LinkedParts(axis, model, where)
     axis.operator.low_V, axis.operator.high_V = view.u_range_V
     axis.operator.field_bend = view.field_bend
-    axis.operator.play_tilt, axis.operator.play_fade = view.play_tilt, view.play_fade
+    axis.operator.play_tilt, axis.operator.play_taper = view.play_tilt, view.play_taper
     axis.surroundings.low_um, axis.surroundings.high_um = sorted(parts.ends_um)
     axis.operator.gain_um_per_V, axis.offset_um = view.gain_um_per_V, view.offset_um
     axis.delay_s += view.delay_s

@@ -122,7 +122,7 @@ class ExactParts(VirtualAxis):
         """Raises NotPlayed for a bent field or uneven plays, too many lags or modes, or a delay that its ring of ticks
         cannot hold."""
         assert self.model.time is not None
-        if self.model.time.field_bend or not self.model.time.density.is_even:
+        if not self.model.time.is_even:
             raise NotPlayed
         delay_s = LATCH_S + self.model.time.delay_s + sum(self._delays_s)
         if len(self._creep) > CREEPS or len(self._modes) > MODES or not delay_s / TICK_S < DELAY_TICKS - 1:

@@ -38,7 +38,7 @@ class Operator(ctypes.Structure):
         ("high_V", ctypes.c_double),
         ("field_bend", ctypes.c_double),
         ("play_tilt", ctypes.c_double),
-        ("play_fade", ctypes.c_double),
+        ("play_taper", ctypes.c_double),
         ("bend_um", ctypes.c_double),
         ("skew_um", ctypes.c_double),
         ("skew_reach", ctypes.c_double),

@@ -139,10 +139,10 @@ def test_other_axes_can_come_later():
     assert np.array_equal(chain.run(extra), alone)
 
 
-@pytest.mark.parametrize(("bend", "tilt", "fade"), [(0.0, 0.0, 0.0), (0.15, 0.0, 0.0), (-0.1, 0.4, 0.3)])
+@pytest.mark.parametrize(("bend", "tilt", "taper"), [(0.0, 0.0, 0.0), (0.15, 0.0, 0.0), (-0.1, 0.4, 0.3)])
 @pytest.mark.parametrize("widest", [1.0, 4.9, 8.0])
-def test_the_range_is_that_of_a_full_slow_loop(widest, bend, tilt, fade):
-    uneven = {"field_bend": bend, "play_tilt": tilt, "play_fade": fade}
+def test_the_range_is_that_of_a_full_slow_loop(widest, bend, tilt, taper):
+    uneven = {"field_bend": bend, "play_tilt": tilt, "play_taper": taper}
     view = PIEZO.model_copy(update={"play_r_V": (0.3, 0.9, widest), **uneven})
     low, high = view.u_range_V
     middle_V = (view.field.at(low) + view.field.at(high)) / 2

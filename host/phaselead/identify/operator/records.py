@@ -31,7 +31,7 @@ class Records:
     lag_s: float = 0.0
     """Of the measured response, where that is known: the delay may be twice as long, however short the periods."""
     tilt: float = 0.0
-    fade: float = 0.0
+    taper: float = 0.0
     """How much more plays weigh at the top of all their voltages, and how much less at both ends."""
 
     def behind_a_lag(self, lag_s: float) -> Records:
@@ -48,9 +48,9 @@ class Records:
         field = EffectiveField(bend, self.span_V)
         return replace(self, fits=[replace(f, field=field) for f in self.fits])
 
-    def weighing(self, tilt: float, fade: float) -> Records:
+    def weighing(self, tilt: float, taper: float) -> Records:
         """The same where the weight of plays depends so on the level."""
-        return replace(self, tilt=tilt, fade=fade)
+        return replace(self, tilt=tilt, taper=taper)
 
     @property
     def span_V(self) -> tuple[float, float]:
@@ -74,7 +74,7 @@ class Records:
     def basis(self, n_plays: int, n_segments: int, *, fading: bool = False) -> Basis:
         low, high = map(self.field.at, self.span_V)
         swing = max(float(np.ptp(self.field.of(r.u_V[r.scored]))) for r in self.runs)
-        density = PlayDensity(self.tilt, self.fade, (low, high))
+        density = PlayDensity(self.tilt, self.taper, (low, high))
         return nested_basis(swing, low, high, n_plays, n_segments, fading=fading, density=density)
 
     def at(self, basis: Basis, delay_s: float, rest_fraction: float, modes: tuple[Mode, ...] = ()) -> Solution:

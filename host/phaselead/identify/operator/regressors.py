@@ -383,7 +383,7 @@ def time_view(
         delay_s=delay_s,
         rest_fraction=rest_fraction,
         play_tilt=basis.density.tilt,
-        play_fade=basis.density.fade,
+        play_taper=basis.density.taper,
         u_range_V=(float(basis.knots_V[0]), float(basis.knots_V[-1])),
         rate_Hz=rate_Hz,
     )

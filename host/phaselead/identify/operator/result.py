@@ -140,7 +140,7 @@ class OperatorFit:
         if view.field_bend:
             lines.append(f"{'field bend':14}{view.field_bend:12.5g} of half the voltage range")
         if not view.density.is_even:
-            lines.append(f"{'play weights':14}{view.play_tilt:12.5g} tilt, {view.play_fade:.5g} fade")
+            lines.append(f"{'play weights':14}{view.play_tilt:12.5g} tilt, {view.play_taper:.5g} taper")
         if self.creep is not None:
             lines.append(
                 f"{'creep':14}{100 * self.creep.per_decade:12.5g} % per decade from {self.creep.first_s:.2g} s on"

@@ -157,7 +157,7 @@ def as_known(runs: Sequence[AxisRun], known: OperatorFit, modes: tuple[Mode, ...
     memories = [record.turned_V for record in known.records]
     fits = thinned(runs, SEARCH_ROWS, ringing_s=ringing_s(modes), memories=memories)
     records = Records(runs, fits, weight_known(known)).in_field(known.view.field_bend).behind_a_lag(known.lag_s)
-    return records.weighing(known.view.play_tilt, known.view.play_fade)
+    return records.weighing(known.view.play_tilt, known.view.play_taper)
 
 
 def told_behind_modes(records: Records, found: Solution, known: OperatorFit) -> tuple[Records, Solution, Sequence[str]]:

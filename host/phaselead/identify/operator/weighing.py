@@ -28,7 +28,7 @@ from phaselead.model import MOST_UNEVEN
 from phaselead.record import Samples
 
 FIRST_STEP = 0.1
-"""Of the search, for tilt and fade."""
+"""Of the search, for tilt and taper."""
 PRECISE = 1e-3
 """How finely the best ones are searched: a thousandth of the weight in the middle."""
 SETTLED = 0.01
@@ -46,20 +46,20 @@ def of_best_weights(records: Records, found: Solution) -> Records:
     uneven, squares = records, _Squares(records, found)
     without = squares.left((0.0, 0.0))
     for _ in range(ROUNDS):
-        best = squares.best((uneven.tilt, uneven.fade))
-        moved = float(np.abs(best - (uneven.tilt, uneven.fade)).sum())
+        best = squares.best((uneven.tilt, uneven.taper))
+        moved = float(np.abs(best - (uneven.tilt, uneven.taper)).sum())
         uneven = uneven.weighing(*best.tolist())
         if moved < SETTLED:
             break
         found = searched_from(uneven, replace(found, basis=uneven.basis(*SEARCH)))
         squares = _Squares(uneven, found)
-    pays = squares.left((uneven.tilt, uneven.fade)) < PART_PAYS * without
-    return uneven if pays and abs(uneven.tilt) + abs(uneven.fade) < CLEAR_OF_MOST * MOST_UNEVEN else records
+    pays = squares.left((uneven.tilt, uneven.taper)) < PART_PAYS * without
+    return uneven if pays and abs(uneven.tilt) + abs(uneven.taper) < CLEAR_OF_MOST * MOST_UNEVEN else records
 
 
 class _Squares:
     """What is left of records for any weights: the columns of plays are a sum of three, the even ones and what tilt and
-    fade add to these, so that all moments follow from one set. Delay, memory at rest and modes give way, in proportion
+    taper add to these, so that all moments follow from one set. Delay, memory at rest and modes give way, in proportion
     to small changes of what was found: of another memory at rest plays seem to weigh less at one end."""
 
     def __init__(self, records: Records, found: Solution) -> None:
@@ -71,8 +71,8 @@ class _Squares:
 
         def columns() -> Iterator[Samples]:
             for f in records.fits:
-                even, tilted, faded = (self._columns(f, basis, about) for basis in bases)
-                more = [(one - even)[:, self._segments : -2] for one in (tilted, faded)]
+                even, tilted, tapered = (self._columns(f, basis, about) for basis in bases)
+                more = [(one - even)[:, self._segments : -2] for one in (tilted, tapered)]
                 changes = linearised(f, about, step_s)[:, -2 - giving_way : -2]
                 yield np.hstack([changes, even[:, :-2], *more, even[:, -2:]])
 
@@ -88,19 +88,19 @@ class _Squares:
         return room
 
     def best(self, first: tuple[float, float]) -> Samples:
-        """Tilt and fade (2,) that leave least, searched from ``first``."""
+        """Tilt and taper (2,) that leave least, searched from ``first``."""
         simplex = np.array(first) + FIRST_STEP * np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
         options = {"initial_simplex": simplex, "xatol": PRECISE, "fatol": np.inf}
         return np.asarray(minimize(self.left, first, method="Nelder-Mead", options=options).x)
 
     def left(self, weights: Samples | tuple[float, float]) -> float:
-        """Relative square error with a tilt and a fade; inf beyond what is allowed."""
-        tilt, fade = weights
-        if abs(tilt) + abs(fade) > MOST_UNEVEN:
+        """Relative square error with a tilt and a taper; inf beyond what is allowed."""
+        tilt, taper = weights
+        if abs(tilt) + abs(taper) > MOST_UNEVEN:
             return float(np.inf)
         plays = np.eye(self._segments + self._plays + 2)[self._segments : -2]
         others = np.eye(len(plays[0]))
-        mixed = np.vstack([others[:-2], tilt * plays, fade * plays, others[-2:]])
+        mixed = np.vstack([others[:-2], tilt * plays, taper * plays, others[-2:]])
         _, _, error = solve_slopes((mixed.T @ self._moments @ mixed)[None], self._segments, 1.0)
         return error**2
 

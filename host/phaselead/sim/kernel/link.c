@@ -59,20 +59,18 @@ static double field_V(const struct operator_parameters *p, double u_V)
     return u_V + bent_V(p, u_V) - bent_V(p, 0);
 }
 
-/* What a play at p adds: the weight of all levels from that of 0 V to p. Within a straight line beyond the ends. */
-static double read_um(const struct operator_parameters *p, uint32_t i, double at_V)
+/* The weight of all levels up to v, from the middle of the range on; beyond its ends that of the end goes on. */
+static double passed_V(const struct operator_parameters *p, double v)
 {
-    if (i >= p->uneven)
-        return p->play_w_um_per_V[i] * at_V;
-    double low = field_V(p, p->low_V), high = field_V(p, p->high_V), half = (high - low) / 2, middle = (high + low) / 2;
-    double sum = 0, sign = 1;
-    for (double v = at_V;; v = 0, sign = -1) {
-        double s = (v - middle) / half, in = clamp(s, -1, 1), beyond = s - in;
-        sum += sign * half * (in + p->play_tilt * in * in / 2 - p->play_fade * in * in * in / 3);
-        sum += sign * half * beyond * (1 + p->play_tilt * in - p->play_fade * in * in);
-        if (sign < 0)
-            return p->play_w_um_per_V[i] * sum;
-    }
+    double low = field_V(p, p->low_V), half = (field_V(p, p->high_V) - low) / 2, s = (v - low) / half - 1;
+    double in = clamp(s, -1, 1), weight = 1 + p->play_tilt * in - p->play_taper * in * in;
+    return half * (in + p->play_tilt * in * in / 2 - p->play_taper * in * in * in / 3 + weight * (s - in));
+}
+
+static double play_um(const struct operator_state *o, uint32_t i)
+{
+    const struct operator_parameters *p = o->with;
+    return p->play_w_um_per_V[i] * (i < p->uneven ? passed_V(p, o->play[i]) - passed_V(p, 0) : o->play[i]);
 }
 
 static double operator_um(struct operator_state *o, double u_V)
@@ -81,7 +79,7 @@ static double operator_um(struct operator_state *o, double u_V)
     double v = field_V(p, u_V), x = p->gain_um_per_V * v;
     for (uint32_t i = 0; i < p->plays; i++) {
         o->play[i] = clamp(o->play[i], v - p->play_r_V[i], v + p->play_r_V[i]);
-        x += read_um(p, i, o->play[i]);
+        x += play_um(o, i);
     }
     for (uint32_t i = 0; i < p->deadzones; i++)
         x += v > p->deadzone_d_V[i] ? p->deadzone_s_um_per_V[i] * (v - p->deadzone_d_V[i]) : 0;

@@ -39,7 +39,7 @@ struct operator_parameters { /* a stage file's time view, with what can bend its
     double deadzone_d_V[LINK_DEADZONES], deadzone_s_um_per_V[LINK_DEADZONES];
     double low_V, high_V;                /* the voltages that bends and shares refer to */
     double field_bend;                   /* plays, dead zones and fading answer to a field that bends so far */
-    double play_tilt, play_fade;         /* by which the first `uneven` plays weigh more at the top, less at the ends */
+    double play_tilt, play_taper;        /* by which the first `uneven` plays weigh more at the top, less at the ends */
     double bend_um, skew_um, skew_reach; /* asymmetry: common curvature, one-sided width */
     double fading_r_V[LINK_FADING], fading_w_um_per_V[LINK_FADING], fading_start; /* friction that turns over a way */
     uint32_t plays, uneven, deadzones, fading;
