@@ -120,6 +120,6 @@ def _out_of_scale(found: Sequence[Verification]) -> list[str]:
 
 
 def _about_starts(found: Sequence[Verification]) -> list[str]:
-    """Records that are judged by a step that probably never was, in one line for all."""
+    """Records that probably began elsewhere than at rest, in one line for all."""
     lines = [one.about_start for one in found if one.about_start]
     return [lines[0] + more_like_it(len(lines) - 1)] if lines else []
