@@ -47,7 +47,8 @@ def proposal_of(content: Any, path: str) -> Mapping[str, Any]:
         raise BadInput(f"{path}: its next_experiment is damaged; make gap.json anew with phaselead gap --json")
     if proposed.get("needs_sensor"):
         raise BadInput(
-            f"{path}: no excitation is likely to tell the members of the tie apart; it takes {proposed['needs_sensor']}"
+            f"{path}: no excitation is likely to tell the members of the tie apart; it takes "
+            f"{proposed['needs_sensor']}, or records of the unchanged stage (gap --reference)"
         )
     if "," in str(proposed.get("axis")):
         raise BadInput(
