@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 from importlib.resources import files
 
 import numpy as np
@@ -10,6 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
+from phaselead.compiled import kernel_of
+from phaselead.errors import PhaseleadError
 from phaselead.model.axis import TimeView
 from phaselead.model.operator import (
     delayed,
@@ -229,3 +232,16 @@ def test_refuses_what_it_cannot_do():
     view = TimeView(gain_um_per_V=1.0, u_range_V=(0.0, 1.0), rate_Hz=1.0)
     with pytest.raises(ValueError, match="one threshold"):
         respond(view, [1.0], [0.0])
+
+
+class Other(ctypes.Structure):
+    """What no build has."""
+
+    _fields_ = (("gain", ctypes.c_double),)
+
+
+@pytest.mark.parametrize("name", ["stage_operator_size", "stage_basis_size", "stage_unknown_size"])
+def test_a_library_with_other_structures_is_refused(name):
+    """One from before they grew read what stood elsewhere, and gave wrong positions."""
+    with pytest.raises(PhaseleadError, match="older build; run"):
+        kernel_of("phaselead.model._kernel", sizes={name: Other})

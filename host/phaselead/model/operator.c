@@ -260,3 +260,13 @@ void stage_response(const struct stage_operator *op, size_t n, const double *v, 
         x[k] = sum;
     }
 }
+
+int stage_operator_size(void)
+{
+    return (int)sizeof(struct stage_operator);
+}
+
+int stage_basis_size(void)
+{
+    return (int)sizeof(struct stage_basis);
+}

@@ -78,6 +78,10 @@ struct stage_operator {
     const double *deadzone_d, *deadzone_s;
 };
 
+/* Sizes of the structures, by which a caller knows that it means the same as this build. */
+PHASELEAD_EXPORT int stage_operator_size(void);
+PHASELEAD_EXPORT int stage_basis_size(void);
+
 /* x[k] = gain v + sum w_j read(play_j[v]) + sum s_j max(v - d_j, 0), read being what the density makes of a play; the
  * offset is the caller's. */
 PHASELEAD_EXPORT void stage_response(const struct stage_operator *op, size_t n, const double *v, double *p, double *x);

@@ -61,7 +61,7 @@ class _Operator(ctypes.Structure):
 
 @cache
 def _kernel() -> ctypes.CDLL:
-    kernel = kernel_of("phaselead.model._kernel")
+    kernel = kernel_of("phaselead.model._kernel", sizes={"stage_operator_size": _Operator})
     size, double = ctypes.c_size_t, ctypes.c_double
     array = ctypes.c_void_p
     kernel.stage_delay.argtypes = [size, array, double, double, array]

@@ -77,7 +77,7 @@ class _Basis(ctypes.Structure):
 
 @cache
 def _kernel() -> ctypes.CDLL:
-    kernel = kernel_of("phaselead.model._kernel", "stage_columns")
+    kernel = kernel_of("phaselead.model._kernel", "stage_columns", sizes={"stage_basis_size": _Basis})
     kernel.stage_columns.argtypes = [ctypes.POINTER(_Record), _DOUBLE, ctypes.POINTER(_Basis), *[_ARRAY] * 3]
     kernel.stage_columns.restype = None
     return kernel
