@@ -184,8 +184,9 @@ def _plays_um(axis: AxisModel, run: GapRun, stood: Began, rows: Index) -> Callab
     v, offset_V = _at_plays(axis, run, stood)
     r, w = np.asarray(view.play_r_V), np.asarray(view.play_w_um_per_V)
     at, far_V = rows.astype(np.uintp), np.ptp(v) + abs(v).max() + 2 * r
-    low, high = (plays(v, r, start, at)[0] for start in (-far_V, far_V))
-    return lambda began: view.density.read(np.clip(offset_V + began.plays_V, low, high)) @ w
+    # What is read of a play rises with it: it may be read before as well as after it is held within that interval.
+    low, high = (view.density.read(plays(v, r, start, at)[0]) for start in (-far_V, far_V))
+    return lambda began: np.clip(view.density.read(offset_V + began.plays_V), low, high) @ w
 
 
 def _fading_um(axis: AxisModel, run: GapRun, stood: Began, rows: Index) -> Callable[[Began], Samples]:
