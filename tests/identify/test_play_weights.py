@@ -10,6 +10,7 @@ import pytest
 from any_stage import NO_MODE, held_out, laboratory
 
 from phaselead.errors import BadInput
+from phaselead.identify.fit_result import FitResult
 from phaselead.identify.fitting import fit
 from phaselead.model.prediction import predict
 from phaselead.model.stage_file import load_stage, save_stage
@@ -117,3 +118,22 @@ def test_weights_that_nearly_vanish_are_refused_in_one_line(tmp_path):
     path.write_text("\n".join("play_tilt = 0.9" if "play_tilt" in line else line for line in text.splitlines()))
     with pytest.raises(BadInput, match=r"play_tilt = 0.9 and play_taper .*smaller"):
         load_stage(path)
+
+
+def test_the_figure_of_a_fit_is_drawn_from_where_its_records_began():
+    """What the page shows of a record is what the fit left of it: it began micrometres off."""
+    whole = held_out(stage_of(even), RATE_HZ)
+    late = round(0.6 * RATE_HZ)
+    cut = replace(
+        whole,
+        t_s=whole.t_s[:-late],
+        axes={"x": AxisRecord(whole.axes["x"].u_V[late:], whole.axes["x"].x_um[late:])},
+        source="cut",
+    )
+    records = [*records_of(even), cut]
+    stage, report = fit(records)
+    result = FitResult(model=stage, report=report, records=tuple(records))
+    left = next(one for one in report.time["x"].records if one.source == "cut")
+    error_um = cut.axes["x"].x_um - result.predicted_um(cut, "x")
+    assert left.turned_V is not None
+    assert np.std(error_um[cut.scored]) < 2 * left.rms_um

@@ -68,6 +68,7 @@ from phaselead.model.inverse import (
 from phaselead.model.linearised import SmallSignal, small_signal
 from phaselead.model.loop_filter import SECTIONS_IN_LOOP, LoopFilter
 from phaselead.model.operator import (
+    NO_WEIGHT,
     DensityInC,
     plays,
     plays_after,
@@ -109,6 +110,7 @@ __all__ = [
     "LONGEST_DELAY_S",
     "MOST_CREEP",
     "MOST_UNEVEN",
+    "NO_WEIGHT",
     "PLAYS",
     "PLAYS_ALIKE",
     "SECTIONS",

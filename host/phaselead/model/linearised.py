@@ -11,7 +11,7 @@ from phaselead.errors import BadInput
 from phaselead.model.axis import AxisModel, TimeView
 from phaselead.model.effects import Mode, effect, rewritten
 from phaselead.model.inverse import BACKWARDS, in_time_view
-from phaselead.model.operator import CURVE_PIECES
+from phaselead.model.operator import CURVE_PIECES, without_plays_um
 
 
 @dataclass(frozen=True)
@@ -55,12 +55,9 @@ def slopes_um_per_V(view: TimeView) -> tuple[float, float]:
     if not view.is_even:
         knots_V = np.unique(np.clip([*np.linspace(low_V, high_V, CURVE_PIECES + 1), *view.deadzone_d_V], low_V, high_V))
         v = view.field.of(knots_V)
-        standing = view.gain_um_per_V * v
-        for d, s in zip(view.deadzone_d_V, view.deadzone_s_um_per_V, strict=True):
-            standing = standing + s * np.maximum(v - d, 0.0)
-        each = np.diff(standing) / np.diff(knots_V)
+        standing = np.diff(without_plays_um(view, v)) / np.diff(knots_V)
         moving = np.diff(view.density.read(v)) / np.diff(knots_V) * sum(view.play_w_um_per_V)
-        return float(each.min()), float((each + moving).max())
+        return float(standing.min()), float((standing + moving).max())
     bends = list(zip(view.deadzone_d_V, view.deadzone_s_um_per_V, strict=True))
     below = sum(s for d, s in bends if d <= low_V)
     inside = [s for d, s in bends if low_V < d < high_V]

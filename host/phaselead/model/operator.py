@@ -28,7 +28,7 @@ CURVE_PIECES = 16
 """Straight pieces that a parabola over the range is drawn with in a time view: within 0.4 % of its size. All have the
 same ends, so that several need no more dead zones than one."""
 NO_WEIGHT = 1e-6
-"""Of the mean slope: plays below that add nothing."""
+"""Plays and bends below this share of the mean slope add nothing, and are left out of a time view."""
 LEG_ROWS = 60
 """Of each way between two turns of the loops along which even plays are fitted to others."""
 
@@ -229,7 +229,7 @@ def with_even_plays(view: TimeView) -> TimeView:
     pieces = np.clip(u[:, None], ends[:-1], ends[1:]) - np.clip(0.0, ends[:-1], ends[1:])
     columns = np.concatenate([pieces, moved[:, turning]], axis=1)
     side = -1.0 if view.gain_um_per_V < 0 else 1.0
-    standing = side * np.diff(_without_plays_um(view, view.field.of(knots))) / np.diff(knots)
+    standing = side * np.diff(without_plays_um(view, view.field.of(knots))) / np.diff(knots)
     least = np.concatenate([np.where(standing > 0, standing / 2, -np.inf), np.zeros(int(turning.sum()))])
     found = side * lsq_linear(columns[inside], side * x[inside], (least, np.inf)).x
     slopes, weights[turning] = found[: len(knots) - 1], found[len(knots) - 1 :]
@@ -255,7 +255,7 @@ def _from_rest_and_smaller(low_V: float, high_V: float) -> Samples:
     return np.asarray(np.interp(legs, np.arange(len(turns_V)), turns_V))
 
 
-def _without_plays_um(view: TimeView, v: Samples) -> Samples:
+def without_plays_um(view: TimeView, v: Samples) -> Samples:
     """(n,) at a field of (n,) V, without the offset."""
     bends = zip(view.deadzone_d_V, view.deadzone_s_um_per_V, strict=True)
     return np.asarray(view.gain_um_per_V * v + sum(s * np.maximum(v - d, 0.0) for d, s in bends))

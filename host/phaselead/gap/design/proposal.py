@@ -48,7 +48,7 @@ def proposal_of(content: Any, path: str) -> Mapping[str, Any]:
     if proposed.get("needs_sensor"):
         raise BadInput(
             f"{path}: no excitation is likely to tell the members of the tie apart; it takes "
-            f"{proposed['needs_sensor']}, or records of the unchanged stage (gap --reference)"
+            f"{proposed['needs_sensor']}, or more records of the unchanged stage (gap --reference)"
         )
     if "," in str(proposed.get("axis")):
         raise BadInput(

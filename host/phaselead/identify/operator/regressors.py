@@ -23,6 +23,7 @@ from phaselead.identify.runs import AxisRun, jumps, period_s, turning_rows
 from phaselead.model import (
     EVEN,
     EVEN_DENSITY,
+    NO_WEIGHT,
     DensityInC,
     EffectiveField,
     Mode,
@@ -40,8 +41,6 @@ FEWEST_ROWS = 200
 """Of each record, to which a fit thins it, however many records there are."""
 FADING = (1 / 4, 1 / 8, 1 / 16, 1 / 32)
 """Of a swing: thresholds of fading plays. The largest has hardly turned when the swing ends."""
-NO_WEIGHT = 1e-6
-"""Plays and bends below this share of the mean slope are left out of the time view."""
 
 _SIZE, _DOUBLE, _ARRAY = ctypes.c_size_t, ctypes.c_double, ctypes.c_void_p
 
