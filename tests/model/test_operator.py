@@ -230,7 +230,7 @@ def test_refuses_what_it_cannot_do():
     with pytest.raises(ValueError, match="starting positions"):
         plays([1.0], [1.0, 2.0], [0.0])
     view = TimeView(gain_um_per_V=1.0, u_range_V=(0.0, 1.0), rate_Hz=1.0)
-    with pytest.raises(ValueError, match="one threshold"):
+    with pytest.raises(ValueError, match="0 plays need as many starting positions"):
         respond(view, [1.0], [0.0])
 
 

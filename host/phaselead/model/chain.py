@@ -30,7 +30,7 @@ from phaselead.model.effects import (
     relaxed_late,
     rewritten,
 )
-from phaselead.model.operator import delayed, respond
+from phaselead.model.operator import PreparedOperator, delayed
 from phaselead.record import Samples
 
 Extra = Sequence[tuple[Effect, Params]]
@@ -79,9 +79,10 @@ class Chain:
         others_um: Mapping[str, Samples] | None = None,
         start: ArrayLike | None = None,
         turned_V: Sequence[float] | None = None,
-        remember: int = 8,
+        remember: int = 16,
     ) -> None:
-        self._view = _view_of(axis)
+        view = _view_of(axis)
+        self._delay_s, self._operator = view.delay_s, _operator(view)
         self._remember = remember
         self._known: dict[_Path, _Passed] = {}
         t, u = np.asarray(t_s, dtype=np.float64), np.asarray(u_V, dtype=np.float64)
@@ -142,7 +143,7 @@ class Chain:
         return sorted(rewritten([*self._adopted, *((e, e.complete(p)) for e, p in extra)]), key=_position)
 
     def _links(self, entries: Sequence[Entry]) -> list[_Link]:
-        return _links(self._view, entries, self._adopted_links)
+        return _links(self._delay_s, self._operator, entries, self._adopted_links)
 
     def _through(self, links: Sequence[_Link], entries: Sequence[Entry], rng: np.random.Generator | None) -> _Passed:
         """The signal after ``links``; what is drawn is not kept."""
@@ -194,16 +195,22 @@ class _Link(NamedTuple):
     apply: Callable[[Signal], Samples]
 
 
-def _links(view: TimeView, entries: Sequence[Entry], made: Mapping[int, _Link]) -> list[_Link]:
-    """Every step in order. ``made``: links there are, by their entry's id.
+def _operator(view: TimeView) -> _Link:
+    prepared = PreparedOperator(view)
+
+    def apply(signal: Signal) -> Samples:
+        return prepared.respond(signal.value, signal.carrying(signal.value, signal.value).start_plays_V)[0]
+
+    return _Link(_Step(OPERATOR, (), Place.HYSTERESIS, 0), apply)
+
+
+def _links(delay_s: float, operator: _Link, entries: Sequence[Entry], made: Mapping[int, _Link]) -> list[_Link]:
+    """Every step in order, of a stage with this delay and operator. ``made``: links there are, by their entry's id.
 
     Delays add up. What comes before the amplifier's lags is time-invariant and sees the voltage as it runs between its
     rows, so the delay is applied behind it; applied before, it would smooth the corners at the rows.
     """
-    delay_s = view.delay_s + sum(e.dead_time_s(params) for e, params in entries if e.dead_time_s is not None)
-
-    def operator(signal: Signal) -> Samples:
-        return respond(view, signal.value, signal.carrying(signal.value, signal.value).start_plays_V)[0]
+    delay_s += sum(e.dead_time_s(params) for e, params in entries if e.dead_time_s is not None)
 
     def links(some: Iterable[Entry]) -> list[_Link]:
         return [made.get(id(entry)) or _of_effect(entry) for entry in some]
@@ -216,7 +223,7 @@ def _links(view: TimeView, entries: Sequence[Entry], made: Mapping[int, _Link]) 
         *links(at_once),
         _late_lags(lags, delay_s) if lags else _late(delay_s),
         *links(entry for entry in rest if entry[0].place <= Place.AMPLIFIER),
-        _Link(_Step(OPERATOR, (), Place.HYSTERESIS, 0), operator),
+        operator,
         *links(entry for entry in rest if entry[0].place > Place.AMPLIFIER),
     ]
 

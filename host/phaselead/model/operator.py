@@ -136,18 +136,37 @@ def plays_after(view: TimeView, *turned_V: float) -> Samples:
     return at_V
 
 
+class PreparedOperator:
+    """The operator of a time view as the kernel reads it, prepared once for many voltages."""
+
+    def __init__(self, view: TimeView) -> None:
+        r, w = doubles(view.play_r_V), doubles(view.play_w_um_per_V)
+        d, s = doubles(view.deadzone_d_V), doubles(view.deadzone_s_um_per_V)
+        if r.shape != w.shape or d.shape != s.shape:
+            raise ValueError("plays and dead zones need one threshold and one weight each")
+        self._view = view
+        self._arrays = r, w, d, s  # kept alive for the kernel
+        self._in_c = _Operator(
+            view.gain_um_per_V, len(r), address(r), address(w), DensityInC.of(view.density),
+            len(d), address(d), address(s),
+        )  # fmt: skip
+
+    def respond(self, v: ArrayLike, start: ArrayLike) -> tuple[Samples, Samples]:
+        """Position (n,) in um for a voltage ``v`` already delayed, from plays ``start`` (m,); and where they end.
+
+        Raises ValueError when there are not as many starts as plays.
+        """
+        v, end = doubles(self._view.field.of(v)), np.array(start, dtype=np.float64)
+        if end.shape != self._arrays[0].shape:
+            raise ValueError(f"{len(self._arrays[0])} plays need as many starting positions, got {end.shape}")
+        x = np.empty_like(v)
+        _kernel().stage_response(ctypes.byref(self._in_c), len(v), address(v), address(end), address(x))
+        return x + self._view.offset_um, end
+
+
 def respond(view: TimeView, v: ArrayLike, start: ArrayLike) -> tuple[Samples, Samples]:
-    """Position (n,) in um for a voltage ``v`` already delayed, from plays ``start``; and where they end."""
-    v, end = doubles(view.field.of(v)), np.array(start, dtype=np.float64)
-    r, w = doubles(view.play_r_V), doubles(view.play_w_um_per_V)
-    d, s = doubles(view.deadzone_d_V), doubles(view.deadzone_s_um_per_V)
-    if not r.shape == w.shape == end.shape or d.shape != s.shape:
-        raise ValueError("plays and dead zones need one threshold, one weight and one start each")
-    x = np.empty_like(v)
-    density = DensityInC.of(view.density)
-    operator = _Operator(view.gain_um_per_V, len(r), address(r), address(w), density, len(d), address(d), address(s))
-    _kernel().stage_response(ctypes.byref(operator), len(v), address(v), address(end), address(x))
-    return x + view.offset_um, end
+    """``PreparedOperator.respond`` of a view, once."""
+    return PreparedOperator(view).respond(v, start)
 
 
 @lru_cache(maxsize=64)

@@ -109,7 +109,7 @@ def test_other_sizes_are_not_taken_for_known_ones():
 def test_it_remembers(monkeypatch):
     chain = Chain(axis(PIEZO), times(1.5), rich())
     chain.run()
-    monkeypatch.setattr("phaselead.model.chain.respond", None)
+    monkeypatch.setattr("phaselead.model.operator.PreparedOperator.respond", None)
     chain.run([(effect("creep"), {"gamma": 0.01})])
     with pytest.raises(TypeError):
         chain.run([(effect("delay"), {"delay_s": 0.01})])

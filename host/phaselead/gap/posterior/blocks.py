@@ -122,8 +122,10 @@ class BlockedRun:
 
     def products(self, left: Samples, right: Samples) -> Samples:
         """Mean products (blocks, k, q) within each octave of coefficients (n - 1, k) and (n - 1, q)."""
-        found = [left[a:b].T @ right[a:b] / (b - a) for a, b in pairwise(self.edges)]
-        return np.stack(found)
+        found: Samples = np.empty((len(self.sizes), left.shape[1], right.shape[1]))
+        for one, (a, b) in zip(found, pairwise(self.edges.tolist()), strict=True):
+            np.matmul(left[a:b].T, right[a:b], out=one)
+        return found / self.sizes[:, None, None]
 
     @property
     def changed(self) -> bool:

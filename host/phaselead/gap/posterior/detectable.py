@@ -157,6 +157,18 @@ class _Expected:
         parts = [(run, np.concatenate([one[i] for one in columns], axis=1)) for i, run in runs]
         return np.concatenate([run.products(one, one) for run, one in parts])
 
+    def _moments_beside_shared(self, columns: Sequence[Coefficients]) -> Samples:
+        """The same of the likelihood's shared columns and, behind them, these."""
+        likelihood, own = self._likelihood, self._moments(columns)
+        runs = enumerate(zip(likelihood.runs, likelihood.shared, strict=True))
+        parts = [(run, shared, np.concatenate([one[i] for one in columns], axis=1)) for i, (run, shared) in runs]
+        across = np.concatenate([run.products(shared, one) for run, shared, one in parts])
+        k = likelihood.among_shared.size
+        whole: Samples = np.empty((len(own), k + own.shape[1], k + own.shape[1]))
+        whole[:, :k, :k], whole[:, k:, k:] = likelihood.among_shared.whole, own
+        whole[:, :k, k:], whole[:, k:, :k] = across, across.transpose(0, 2, 1)
+        return whole
+
     def _matched(self, rival: Coefficients, column: Coefficients) -> float:
         """The amount of a rival's column that is nearest to another."""
         total = np.tensordot(1 / self._without_um2, self._moments([rival, column]), 1)
@@ -178,10 +190,9 @@ class _Expected:
         """The multiple at which a column is expected to bring so many log odds past others, each of which may take
         one of these deviations, and, if ``priced``, what the prior of its size costs."""
         likelihood = self._likelihood
-        others, deviations = [likelihood.shared, *others], [1.0, *deviations]
-        moments = self._moments([*others, column])
+        moments = self._moments_beside_shared([*others, column])
         total = np.tensordot(1 / self._without_um2, moments, 1)
-        widths = [one[0].shape[1] for one in others]
+        widths, deviations = [one[0].shape[1] for one in (likelihood.shared, *others)], [1.0, *deviations]
         precision = np.diag(np.repeat(np.array(deviations, dtype=np.float64) ** -2, widths))
         taken = np.linalg.solve(total[:-1, :-1] + precision, total[:-1, -1])
         # The others may also take all of it where it acts, and leave records without it as if these were outliers.

@@ -75,7 +75,7 @@ class Likelihood:
         self._octaves = np.concatenate([run.octaves for run in self.runs])
         self._in_octave = (self._octaves[:, None] == np.unique(self._octaves)).astype(float)
         pairs = zip(self.runs, self.shared, strict=True)
-        self._among_shared = SharedProducts(np.concatenate([run.products(one, one) for run, one in pairs]))
+        self.among_shared = SharedProducts(np.concatenate([run.products(one, one) for run, one in pairs]))
         self._blocks = [0, *np.cumsum([len(run.sizes) for run in self.runs]).tolist()]
         self._sizes = np.concatenate([run.sizes for run in self.runs])
         # What the equations may miss of whatever is there, the same for all sets: they are compared on the same data.
@@ -151,7 +151,7 @@ class Likelihood:
         """Of tangents, of what is integrated out, and of the residual."""
         width = max(one.columns.shape[1] for one in found)
         own = np.zeros((self._blocks[-1], width, width))
-        across = np.zeros((self._blocks[-1], width, self._among_shared.size))
+        across = np.zeros((self._blocks[-1], width, self.among_shared.size))
         parts = zip(self.runs, self.shared, found, pairwise(self._blocks), strict=True)
         for run, shared, one, (a, b) in parts:
             none = width - one.columns.shape[1]
@@ -159,12 +159,12 @@ class Likelihood:
             across[a:b, none:] = run.products(one.columns, shared)
         p = max(one.tangents for one in found)
         moving = np.ones((len(found), width - 1 - p))
-        return Moments(own, across, self._among_shared, self._blocks, p, moving)
+        return Moments(own, across, self.among_shared, self._blocks, p, moving)
 
     def _near(self, terms: Terms, entries: tuple[SizedEffect, ...]) -> Terms:
         """A set at parameters near those of ``terms``, without tangents, for their likelihood alone."""
         own: Samples = np.zeros(terms.moments.integrated.own.shape[:2])
-        across = np.zeros((self._blocks[-1], self._among_shared.size))
+        across = np.zeros((self._blocks[-1], self.among_shared.size))
         for run, shared, (a, b) in zip(self.runs, self.shared, pairwise(self._blocks), strict=True):
             left = run.coefficients(run.modelled.error(entries)[:, None]) if run.changed else run.base_error
             mine = np.concatenate([run.simulated(terms.entries).before, left], axis=1)

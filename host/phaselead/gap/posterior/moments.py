@@ -73,6 +73,11 @@ class SharedProducts:
         self._triangles = products[:, self._at[0], self._at[1]]
         self._twice = np.where(self._at[0] == self._at[1], 1.0, 2.0)
 
+    @property
+    def whole(self) -> Samples:
+        """(blocks, k, k), both triangles."""
+        return self._filled(self._triangles)
+
     def power(self, amounts: Samples) -> Samples:
         """Mean power (s, blocks) of so many (s, k) of the columns together."""
         rows, columns = self._at
@@ -80,9 +85,12 @@ class SharedProducts:
 
     def total(self, weights: Samples) -> Samples:
         """Sum (s, k, k) over the blocks, each by its weight (s, blocks)."""
+        return self._filled(weights @ self._triangles)
+
+    def _filled(self, triangles: Samples) -> Samples:
         rows, columns = self._at
-        found: Samples = np.empty((len(weights), self.size, self.size))
-        found[:, rows, columns] = found[:, columns, rows] = weights @ self._triangles
+        found: Samples = np.empty((len(triangles), self.size, self.size))
+        found[:, rows, columns] = found[:, columns, rows] = triangles
         return found
 
 
