@@ -61,7 +61,7 @@ def compensation(axis: AxisModel) -> Compensation:
         raise BadInput("it has no time view; fit or identify it")
     view = in_time_view(axis).time
     assert view is not None
-    view = _in_order(view)
+    view = _few_plays(_in_order(view))
     if view.gain_um_per_V < 0 and max(view.play_w_um_per_V, default=0.0) <= 0:
         raise BadInput(BACKWARDS)
     least, at_V = _least_slope(view, axis.limits)
@@ -131,6 +131,21 @@ def _in_order(view: TimeView) -> TimeView:
             "deadzone_s_um_per_V": tuple(s for _, s in knots),
         }
     )
+
+
+def _few_plays(view: TimeView) -> TimeView:
+    """No more plays than the device holds: two neighbours become one between them, with the loop that both have in a
+    large swing, those first of which the smaller loops change least. Plays of opposite signs stay."""
+    r, w = np.array(view.play_r_V), np.array(view.play_w_um_per_V)
+    while len(r) > PLAYS:
+        both = np.where(w[:-1] * w[1:] > 0, w[:-1] + w[1:], np.inf)
+        changed_um = np.where(np.isfinite(both), np.abs(w[:-1] * w[1:] / both) * np.diff(r), np.inf)
+        i = int(np.argmin(changed_um))
+        if not np.isfinite(changed_um[i]):
+            break
+        r[i], w[i] = np.average(r[i : i + 2], weights=w[i : i + 2]), both[i]
+        r, w = np.delete(r, i + 1), np.delete(w, i + 1)
+    return view.model_copy(update={"play_r_V": tuple(r.tolist()), "play_w_um_per_V": tuple(w.tolist())})
 
 
 def _least_slope(view: TimeView, limits: Limits) -> tuple[float, float]:

@@ -10,19 +10,14 @@ from scipy.linalg import block_diag
 
 from phaselead.identify.operator.leaving_out import SIMPLER, folds_of, left_out
 from phaselead.identify.operator.records import Records
-from phaselead.identify.operator.regressors import FADING, Basis
+from phaselead.identify.operator.regressors import Basis
 from phaselead.identify.operator.result import Choice
 from phaselead.identify.operator.solution import Solution, centred, moments
-from phaselead.model import PLAYS, PLAYS_ALIKE
 from phaselead.record import Samples
 
 FINEST = (48, 20)
 """Plays and segments of the richest size; the others are every 2nd, 4th ... of it."""
 PLAY_STRIDES, SEGMENT_MERGES = (1, 2, 4, 8, 0), (1, 2, 4, 10, 20)
-BESIDE_FADING = PLAYS - PLAYS_ALIKE * len(FADING)
-"""Plays beside fading ones at most: the device has plays in the place of those. There are some in any case, which tell
-where a record began."""
-
 
 def choose_basis(records: Records, found: Solution) -> tuple[Basis, tuple[Choice, ...]]:
     """The simplest basis that predicts left-out data as well as any, all else as found, and all that were tried."""
@@ -31,7 +26,7 @@ def choose_basis(records: Records, found: Solution) -> tuple[Basis, tuple[Choice
     folds = folds_of(records.fits)
     choices, bases = [], []
     for stride, merge, fading in product(PLAY_STRIDES, SEGMENT_MERGES, (False, True)):
-        if fading and not 0 < stride <= fine.n_plays <= stride * BESIDE_FADING:
+        if fading and not stride:  # plays tell where a record began
             continue
         shrink, basis = _coarser(fine, stride, merge, fading=fading)
         error = left_out(shrink.T @ of_groups @ shrink, basis.n_segments, folds)

@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.optimize import minimize_scalar
 
-from phaselead.identify.operator.choosing import BESIDE_FADING, FINEST, choose_basis
+from phaselead.identify.operator.choosing import FINEST, choose_basis
 from phaselead.identify.operator.leaving_out import folds_of
 from phaselead.identify.operator.likeliest import likeliest_slopes
 from phaselead.identify.operator.placing import fewest_knots, paired_plays
@@ -54,7 +54,7 @@ def fit_operator(runs: Sequence[AxisRun], modes: tuple[Mode, ...] = (), lag_s: f
     records = Records(runs, thinned(runs, SEARCH_ROWS, ringing_s=ringing_s(modes)), lag_s=lag_s)
     records, found, messages = from_their_memories(records, modes)
     basis, choices = choose_basis(records, found)
-    uneven = unevenly(records, found)
+    uneven = unevenly(records, found, fading=len(basis.fading_r_V) > 0)
     if uneven is not records:
         records, found, messages = from_their_memories(uneven, modes)
         basis, choices = choose_basis(records, found)
@@ -154,7 +154,7 @@ def place_operator(runs: Sequence[AxisRun], known: OperatorFit, modes: tuple[Mod
     for _ in range(PLACED_TURNS):
         on_grid = records.at(fine, found.delay_s, found.rest_fraction, found.modes)
         plays = paired_plays(fine, on_grid.slopes)
-        if fading and not 0 < plays.n_plays <= BESIDE_FADING:
+        if fading and not plays.n_plays:
             return known
         of_groups = centred(moments(records.fits, plays, found.delay_s, found.rest_fraction, found.modes))
         basis, choice = fewest_knots(plays, of_groups, folds)

@@ -33,6 +33,8 @@ class Records:
     tilt: float = 0.0
     taper: float = 0.0
     """How much more plays weigh at the top of all their voltages, and how much less at both ends."""
+    beside_fading: bool = False
+    """Whether plays stand beside fading ones, unless a basis is asked for that says so itself."""
 
     def behind_a_lag(self, lag_s: float) -> Records:
         """The same with a low-pass of this time constant in front of the operator."""
@@ -71,10 +73,11 @@ class Records:
         of_periods = min(LONGEST_DELAY * period_s(r) for r in self.runs)
         return min(max(of_periods, 2 * self.lag_s), *(longest_delay_s(r) for r in self.runs), LONGEST_DELAY_S)
 
-    def basis(self, n_plays: int, n_segments: int, *, fading: bool = False) -> Basis:
+    def basis(self, n_plays: int, n_segments: int, *, fading: bool | None = None) -> Basis:
         low, high = map(self.field.at, self.span_V)
         swing = max(float(np.ptp(self.field.of(r.u_V[r.scored]))) for r in self.runs)
         density = PlayDensity(self.tilt, self.taper, (low, high))
+        fading = self.beside_fading if fading is None else fading
         return nested_basis(swing, low, high, n_plays, n_segments, fading=fading, density=density)
 
     def at(self, basis: Basis, delay_s: float, rest_fraction: float, modes: tuple[Mode, ...] = ()) -> Solution:

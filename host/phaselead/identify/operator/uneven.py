@@ -18,15 +18,27 @@ SMALL_LOOP = (0.1, 0.5)
 places than at others, from what else may make one loop uneven."""
 
 
-def unevenly(records: Records, found: Solution) -> Records:
+def unevenly(records: Records, found: Solution, *, fading: bool = False) -> Records:
     """The records in the field, and with plays of the weights at each level, with which an operator and the modes of
     ``found`` leave least of them; as they are where neither pays, or none can be told.
 
-    First the one of the two that leaves less, then the other where it pays beside that: each may stand in for a part
-    of the other.
+    With ``fading`` plays both are looked for beside these as well, and taken from there if more is left otherwise: loops
+    that fade and loops that are wider at some levels hide each other.
     """
     if not _has_small_loops(records):
         return records
+    uneven = _either(records, found)
+    if fading:
+        beside = replace(records, beside_fading=True)
+        found_beside = _either(beside, found)
+        if _left(found_beside, found) < _left(replace(uneven, beside_fading=True), found):
+            return records if found_beside is beside else replace(found_beside, beside_fading=False)
+    return uneven
+
+
+def _either(records: Records, found: Solution) -> Records:
+    """First the one of the two that leaves less, then the other where it pays beside that: each may stand in for a part
+    of the other."""
     field, weights = in_best_field(records, found), of_best_weights(records, found)
     if field is records:
         return weights if weights is records else in_best_field(weights, found)

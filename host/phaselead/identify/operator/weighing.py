@@ -64,7 +64,8 @@ class _Squares:
 
     def __init__(self, records: Records, found: Solution) -> None:
         bases = [records.weighing(*weights).basis(*FINEST) for weights in ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0))]
-        self._segments, self._plays = bases[0].n_segments, bases[0].n_plays
+        self._segments, self._width = bases[0].n_segments, bases[0].size + 2
+        self._plays = slice(self._segments, self._segments + bases[0].n_plays)
         about = records.at(records.basis(*FINEST), found.delay_s, found.rest_fraction, found.modes)
         giving_way = 2 + 3 * len(found.modes)
         step_s = DELAY_STEP * min(f.run.step_s for f in records.fits)
@@ -72,11 +73,11 @@ class _Squares:
         def columns() -> Iterator[Samples]:
             for f in records.fits:
                 even, tilted, tapered = (self._columns(f, basis, about) for basis in bases)
-                more = [(one - even)[:, self._segments : -2] for one in (tilted, tapered)]
+                more = [(one - even)[:, self._plays] for one in (tilted, tapered)]
                 changes = linearised(f, about, step_s)[:, -2 - giving_way : -2]
                 yield np.hstack([changes, even[:, :-2], *more, even[:, -2:]])
 
-        size = giving_way + self._segments + 3 * self._plays + 2
+        size = giving_way + self._width + 2 * bases[0].n_plays
         moments = together(of_records(records.fits, moments_of(records.fits, columns(), size)), records.offset_weight)
         self._moments = _without_first(moments, giving_way)
         self._moments[-2, -2] = 1.0  # all are about their means: a unit in place of the offset
@@ -98,9 +99,9 @@ class _Squares:
         tilt, taper = weights
         if abs(tilt) + abs(taper) > MOST_UNEVEN:
             return float(np.inf)
-        plays = np.eye(self._segments + self._plays + 2)[self._segments : -2]
-        others = np.eye(len(plays[0]))
-        mixed = np.vstack([others[:-2], tilt * plays, taper * plays, others[-2:]])
+        each = np.eye(self._width)
+        plays = each[self._plays]
+        mixed = np.vstack([each[:-2], tilt * plays, taper * plays, each[-2:]])
         _, _, error = solve_slopes((mixed.T @ self._moments @ mixed)[None], self._segments, 1.0)
         return error**2
 
