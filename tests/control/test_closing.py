@@ -1,6 +1,9 @@
 """Closing the loop: a stage with an effect, driven by a model without it and by one with it."""
 
+import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from phaselead.control.tracking import check_paths, track
 from phaselead.control.true_position import followed
@@ -9,7 +12,8 @@ from phaselead.device.encode_model import inverse_refusal
 from phaselead.errors import BadInput
 from phaselead.model.axis import AdoptedEffect, AxisModel, Gains, Limits, TimeView
 from phaselead.model.effects import catalogue
-from phaselead.model.inverse import compensation, coupling
+from phaselead.model.inverse import PLAYS, compensation, coupling
+from phaselead.model.operator import respond, rest_plays
 from phaselead.model.stage_file import Stage, save_stage
 from phaselead.waveforms.catalogue import parse_waves
 
@@ -105,6 +109,24 @@ def test_loops_that_fade_are_compensated_beside_feedback(tmp_path):
     assert known < without / 3
 
 
+@settings(max_examples=30, deadline=None)
+@given(st.integers(33, 80), st.integers(0, 10**6))
+def test_more_plays_than_the_device_holds_become_fewer(count, seed):
+    """With the same large loops; small ones differ by less than a pair of neighbours may."""
+    rng = np.random.default_rng(seed)
+    r = np.cumsum(rng.uniform(0.01, 0.1, count))
+    many = axis(play_r_V=tuple(r), play_w_um_per_V=tuple(rng.uniform(0.0, 0.2, count)), rest_fraction=0.0)
+    few = compensation(many).view
+    assert len(few.play_r_V) <= PLAYS
+    assert all(w >= 0 for w in few.play_w_um_per_V)
+    turns_V = np.concatenate([[0.0], rng.uniform(-10, 10, 6), [-20.0, 20.0, -20.0]])
+    u = np.interp(np.arange(900) / 100, np.arange(10), turns_V)
+    apart_um = respond(many.time, u, rest_plays(many.time))[0] - respond(few, u, rest_plays(few))[0]
+    assert abs(apart_um[700]) < 1e-9  # at an end of the large loop
+    assert abs(apart_um[800]) < 1e-9
+    assert np.abs(apart_um).max() < 0.2 * 0.1 * 3 * (count - PLAYS) ** 0.5 / 2
+
+
 def test_a_load_moves_the_notch():
     mode = {"f_Hz": 200.0, "zeta": 0.02}
     loaded = compensation(axis(("resonance", mode), ("load_change", {"mass": 0.44})))
@@ -126,8 +148,8 @@ def test_a_load_moves_the_notch():
         (axis(("creep", {"k": [0.3, 0.3], "tau_s": [1.0, 10.0]})), "its creep adds 0.6"),
         (axis(delay_s=0.5), "a preview of 0.5 s does not fit the device: it looks ahead at most 0.205 s"),
         (
-            axis(play_r_V=[0.1 * i for i in range(1, 34)], play_w_um_per_V=[0.1] * 33),
-            "it has 33 plays, the device holds 32",
+            axis(deadzone_d_V=[0.1 * i for i in range(1, 26)], deadzone_s_um_per_V=[0.1] * 25),
+            "it has 25 dead zones, the device holds 24",
         ),
         (
             axis(("resonance", {"c": [0.1] * 7, "f_Hz": [100.0 * i for i in range(1, 8)], "zeta": [0.02] * 7})),

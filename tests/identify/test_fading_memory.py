@@ -9,6 +9,8 @@ import pytest
 from any_stage import NO_MODE, held_out, laboratory
 
 from phaselead.identify.fitting import fit
+from phaselead.identify.operator import fit_operator
+from phaselead.identify.runs import AxisRun
 from phaselead.identify.words import hysteresis_pct
 from phaselead.model.prediction import predict
 from phaselead.record.recording import AxisRecord
@@ -36,6 +38,17 @@ def bouc_wen(u, span):
     return u - 0.15 * span / 2 * np.array(out)
 
 
+def many_plays_and_friction(u, span):
+    """Forty plays, those of small threshold heavier, and small loops that fade within a twentieth of the span."""
+    r = 0.4 * span * np.arange(1, 41) / 40
+    at, z, out, last = np.zeros(40), 0.0, [], 0.0
+    for v in u:
+        at, d, last = np.clip(at, v - r, v + r), v - last, v
+        z = np.sign(d) + (z - np.sign(d)) * np.exp(-20 * abs(d) / span)
+        out.append(0.8 * v + 0.01 * np.exp(-r / (0.2 * span)) @ at - 0.0005 * span * z)
+    return np.array(out)
+
+
 def left_share(stage, record):
     """Rms of what the stage leaves of a record that it was not fitted to, of its range."""
     x, model = record.axes["x"].x_um, predict(stage, record).axes["x"].x_um
@@ -52,6 +65,24 @@ def test_a_memory_that_fades_is_told_from_plays(memory, most):
     assert "fading" in str(report.time["x"])
     # The width that is told of is that of the whole loop: it was that of the plays beside, 2 of 13 %.
     assert hysteresis_pct(stage.axis("x")) == pytest.approx(opening_pct(memory), rel=0.1)
+
+
+def test_a_memory_of_many_plays_fades_beside_all_of_them():
+    """There were sixteen at most, for which the device had room."""
+    found = fit_operator(
+        [run_of([0, 8, 0, 8, 0], 1), run_of([0, 6, 2, 5, 3, 4, 0], 2), run_of([0, 3, 1, 7, 5, 6, 4], 3)]
+    )
+    assert len(found.view.play_r_V) > 16
+    assert len(found.fading_r_V) > 0
+    assert max(one.rms_um / one.range_um for one in found.records) < 2.2e-5  # noise alone is 1.2e-5
+
+
+def run_of(turns_V, seed):
+    """A slow way from turn to turn, 400 rows a turn."""
+    n = 400 * (len(turns_V) - 1)
+    u = np.interp(np.arange(n) / 400, np.arange(len(turns_V)), turns_V)
+    x = 10 * many_plays_and_friction(u, 8.0) + 0.001 * np.random.default_rng(seed).standard_normal(n)
+    return AxisRun(np.arange(n) / RATE_HZ, u, x, slice(0, None), "x", str(seed))
 
 
 def opening_pct(memory):

@@ -19,6 +19,7 @@ FINEST = (48, 20)
 """Plays and segments of the richest size; the others are every 2nd, 4th ... of it."""
 PLAY_STRIDES, SEGMENT_MERGES = (1, 2, 4, 8, 0), (1, 2, 4, 10, 20)
 
+
 def choose_basis(records: Records, found: Solution) -> tuple[Basis, tuple[Choice, ...]]:
     """The simplest basis that predicts left-out data as well as any, all else as found, and all that were tried."""
     fine = records.basis(*FINEST, fading=True)

@@ -22,8 +22,8 @@ def unevenly(records: Records, found: Solution, *, fading: bool = False) -> Reco
     """The records in the field, and with plays of the weights at each level, with which an operator and the modes of
     ``found`` leave least of them; as they are where neither pays, or none can be told.
 
-    With ``fading`` plays both are looked for beside these as well, and taken from there if more is left otherwise: loops
-    that fade and loops that are wider at some levels hide each other.
+    With ``fading`` plays both are looked for beside these as well, and taken from there if more is left otherwise:
+    loops that fade and loops that are wider at some levels hide each other.
     """
     if not _has_small_loops(records):
         return records
