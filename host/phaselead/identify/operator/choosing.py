@@ -12,7 +12,7 @@ from phaselead.identify.operator.leaving_out import SIMPLER, folds_of, left_out
 from phaselead.identify.operator.records import Records
 from phaselead.identify.operator.regressors import Basis
 from phaselead.identify.operator.result import Choice
-from phaselead.identify.operator.solution import Solution, centred, moments
+from phaselead.identify.operator.solution import PART_PAYS, Solution, centred, moments
 from phaselead.record import Samples
 
 FINEST = (48, 20)
@@ -20,11 +20,15 @@ FINEST = (48, 20)
 PLAY_STRIDES, SEGMENT_MERGES = (1, 2, 4, 8, 0), (1, 2, 4, 10, 20)
 
 
-def choose_basis(records: Records, found: Solution) -> tuple[Basis, tuple[Choice, ...]]:
-    """The simplest basis that predicts left-out data as well as any, all else as found, and all that were tried."""
+def choose_basis(records: Records, found: Solution, *, extrapolating: bool = False) -> tuple[Basis, tuple[Choice, ...]]:
+    """The simplest basis that predicts left-out data as well as any, all else as found, and all that were tried.
+
+    Loops fade where that pays, as any further part of a stage must. ``extrapolating``: whether the basis is for rows
+    that go beyond those of the records.
+    """
     fine = records.basis(*FINEST, fading=True)
     of_groups = centred(moments(records.fits, fine, found.delay_s, found.rest_fraction, found.modes))
-    folds = folds_of(records.fits)
+    folds = folds_of(records.fits, extrapolating=extrapolating)
     choices, bases = [], []
     for stride, merge, fading in product(PLAY_STRIDES, SEGMENT_MERGES, (False, True)):
         if fading and not stride:  # plays tell where a record began
@@ -33,8 +37,9 @@ def choose_basis(records: Records, found: Solution) -> tuple[Basis, tuple[Choice
         error = left_out(shrink.T @ of_groups @ shrink, basis.n_segments, folds)
         choices.append(Choice(basis.n_plays, basis.n_segments, error, len(basis.fading_r_V)))
         bases.append(basis)
-    least = min(c.left_out for c in choices)
-    good = [i for i, c in enumerate(choices) if c.left_out <= SIMPLER * least]
+    least = {fading: min(c.left_out for c in choices if bool(c.n_fading) == fading) for fading in (False, True)}
+    fades = least[True] ** 2 < PART_PAYS * least[False] ** 2
+    good = [i for i, c in enumerate(choices) if bool(c.n_fading) == fades and c.left_out <= SIMPLER * least[fades]]
     best = min(good, key=lambda i: (choices[i].size, choices[i].left_out))
     return bases[best], tuple(replace(c, chosen=i == best) for i, c in enumerate(choices))
 

@@ -19,18 +19,19 @@ BEYOND = 0.05
 as the finest segment."""
 
 
-def folds_of(fits: list[FitRun]) -> list[Samples]:
+def folds_of(fits: list[FitRun], *, extrapolating: bool = False) -> list[Samples]:
     """Groups to leave out together, (groups,) each: a level of drive, or a stretch of time when there are few levels.
 
     The highest level always stays, and so does a stretch that reaches beyond all others: what lies beyond all data is
-    extrapolation, and no basis is to be judged by it.
+    extrapolation, and no basis is to be judged by it. Where ``extrapolating`` is what the fit is for, stretches of time
+    are all left out.
     """
     swings = [float(np.ptp(f.run.u_V[f.run.scored])) for f in fits]
     levels = distinct(swings)
     if len(fits) >= FOLD_BLOCKS and len(levels) >= 4:
         nearest = [int(np.argmin(np.abs(np.subtract(levels, s)))) for s in swings]
         return [np.equal(nearest, level) for level in range(len(levels) - 1)]
-    within = ~_beyond_others(fits)
+    within = ~_beyond_others(fits) | extrapolating
     folds = [within & (np.arange(len(within)) % FOLD_BLOCKS == fold) for fold in range(FOLD_BLOCKS)]
     return [fold for fold in folds if fold.any()]
 

@@ -44,7 +44,8 @@ UNFELT = 1e-12
 EXACT = 1e-9
 """Of the range: an error below this is rounding, and leaves nothing to search for."""
 PART_PAYS = 0.9
-"""A mode, or a bend of the field, stays in when it leaves less than this share of the squared residual without it."""
+"""A mode, a memory that fades, or a bend of the field, stays in when it leaves less than this share of the squared
+residual without it."""
 MODE_BOX = ((-2.0, 2.0), (0.002, 0.5))
 """Share of the motion and damping of a mode, as in the catalogue of effects."""
 MODE_REACH = (0.3, 0.05, 0.7)
