@@ -22,18 +22,14 @@ def unevenly(records: Records, found: Solution, *, fading: bool = False) -> Reco
     """The records in the field, and with plays of the weights at each level, with which an operator and the modes of
     ``found`` leave least of them; as they are where neither pays, or none can be told.
 
-    With ``fading`` plays both are looked for beside these as well, and taken from there if more is left otherwise:
-    loops that fade and loops that are wider at some levels hide each other.
+    Both are looked for beside ``fading`` plays where the memory fades: loops that fade and loops that are wider at some
+    levels hide each other.
     """
     if not _has_small_loops(records):
         return records
-    uneven = _either(records, found)
-    if fading:
-        beside = replace(records, beside_fading=True)
-        found_beside = _either(beside, found)
-        if _left(found_beside, found) < _left(replace(uneven, beside_fading=True), found):
-            return records if found_beside is beside else replace(found_beside, beside_fading=False)
-    return uneven
+    beside = replace(records, beside_fading=fading)
+    uneven = _either(beside, found)
+    return records if uneven is beside else replace(uneven, beside_fading=False)
 
 
 def _either(records: Records, found: Solution) -> Records:
