@@ -9,7 +9,7 @@ import pytest
 from any_stage import NO_MODE, held_out, laboratory
 
 from phaselead.identify.fitting import fit
-from phaselead.identify.operator import fit_operator
+from phaselead.identify.operator import fit_operator, regressors
 from phaselead.identify.runs import AxisRun
 from phaselead.identify.words import hysteresis_pct
 from phaselead.model.prediction import predict
@@ -38,14 +38,17 @@ def bouc_wen(u, span):
     return u - 0.15 * span / 2 * np.array(out)
 
 
-def many_plays_and_friction(u, span):
-    """Forty plays, those of small threshold heavier, and small loops that fade within a twentieth of the span."""
+def many_plays_and_friction(u, span, friction=0.0005, taper=0.0):
+    """Forty plays, those of small threshold heavier, and small loops that fade within a twentieth of the span. With a
+    ``taper`` plays weigh less by so much at both ends of the span."""
     r = 0.4 * span * np.arange(1, 41) / 40
     at, z, out, last = np.zeros(40), 0.0, [], 0.0
     for v in u:
         at, d, last = np.clip(at, v - r, v + r), v - last, v
         z = np.sign(d) + (z - np.sign(d)) * np.exp(-20 * abs(d) / span)
-        out.append(0.8 * v + 0.01 * np.exp(-r / (0.2 * span)) @ at - 0.0005 * span * z)
+        level = 2 * at / span - 1
+        read = span / 2 * (level - taper * level**3 / 3)
+        out.append(0.8 * v + 0.01 * np.exp(-r / (0.2 * span)) @ read - friction * span * z)
     return np.array(out)
 
 
@@ -77,11 +80,19 @@ def test_a_memory_of_many_plays_fades_beside_all_of_them():
     assert max(one.rms_um / one.range_um for one in found.records) < 2.2e-5  # noise alone is 1.2e-5
 
 
-def run_of(turns_V, seed):
+def test_uneven_weights_are_told_beside_what_fades():
+    """Each hides the other: of weights that fall off by 0.3 it found 0.23."""
+    ways = [0, 8, 0, 8, 0], [0, 6, 2, 5, 3, 4, 0], [0, 3, 1, 7, 5, 6, 4], [0, 2, 0, 8, 6, 8, 0]
+    found = fit_operator([run_of(turns_V, seed, friction=0.002, taper=0.3) for seed, turns_V in enumerate(ways)])
+    assert len(found.fading_r_V) > 0
+    assert found.view.play_taper == pytest.approx(0.3, abs=0.03)
+
+
+def run_of(turns_V, seed, **memory):
     """A slow way from turn to turn, 400 rows a turn."""
     n = 400 * (len(turns_V) - 1)
     u = np.interp(np.arange(n) / 400, np.arange(len(turns_V)), turns_V)
-    x = 10 * many_plays_and_friction(u, 8.0) + 0.001 * np.random.default_rng(seed).standard_normal(n)
+    x = 10 * many_plays_and_friction(u, 8.0, **memory) + 0.001 * np.random.default_rng(seed).standard_normal(n)
     return AxisRun(np.arange(n) / RATE_HZ, u, x, slice(0, None), "x", str(seed))
 
 
@@ -105,6 +116,13 @@ def test_a_sensor_that_counts_backwards_shows_the_same_loops():
 def turned(record, sign):
     axis = record.axes["x"]
     return replace(record, axes={"x": AxisRecord(axis.u_V, sign * axis.x_um)})
+
+
+def test_none_fade_where_none_are_tried(monkeypatch):
+    """As the benchmark that compares the two has it."""
+    monkeypatch.setattr(regressors, "FADING", ())
+    found = fit_operator([run_of([0, 8, 0, 8, 0], 1), run_of([0, 6, 2, 5, 3, 4, 0], 2)])
+    assert len(found.fading_r_V) == 0
 
 
 def test_plays_that_remember_are_no_fading_ones(plays_memory):

@@ -63,7 +63,7 @@ class DeviceModel:
 
 @dataclass(frozen=True)
 class Quantised:
-    """One coefficient as the stage file has it and as the device holds it, both in the file's unit."""
+    """One coefficient as it is to be uploaded, in the unit of the stage file, and as the device holds it."""
 
     key: str
     value: float

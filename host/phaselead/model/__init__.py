@@ -51,7 +51,6 @@ from phaselead.model.effects import (
     states_and_slopes,
     without_lags,
 )
-from phaselead.model.fading import ALIKE as PLAYS_ALIKE
 from phaselead.model.fading import state_after
 from phaselead.model.field import EVEN, LARGEST_BEND, EffectiveField
 from phaselead.model.inverse import (
@@ -112,7 +111,6 @@ __all__ = [
     "MOST_UNEVEN",
     "NO_WEIGHT",
     "PLAYS",
-    "PLAYS_ALIKE",
     "SECTIONS",
     "SECTIONS_IN_LOOP",
     "TERMS",

@@ -38,7 +38,8 @@ class Compensation:
     """The chain of one axis, undone from its end to its beginning."""
 
     view: TimeView
-    """Plays and dead zones in rising order, those without weight left out."""
+    """Plays and dead zones in rising order, those without weight left out; neighbouring plays as one where there are
+    more than the device holds."""
     creep_k: tuple[float, ...]
     creep_tau_s: tuple[float, ...]
     shape: tuple[Section, ...]
@@ -61,7 +62,7 @@ def compensation(axis: AxisModel) -> Compensation:
         raise BadInput("it has no time view; fit or identify it")
     view = in_time_view(axis).time
     assert view is not None
-    view = _few_plays(_in_order(view))
+    view = _in_order(view)
     if view.gain_um_per_V < 0 and max(view.play_w_um_per_V, default=0.0) <= 0:
         raise BadInput(BACKWARDS)
     least, at_V = _least_slope(view, axis.limits)
@@ -70,7 +71,7 @@ def compensation(axis: AxisModel) -> Compensation:
             f"its time view falls or stands still at {at_V:.4g} V ({least:.3g} um/V after a turn), so no voltage "
             "belongs to a position; fit it on records of that range, or narrow its limits"
         )
-    entries = _entries(axis)
+    view, entries = _few_plays(view), _entries(axis)
     k, tau_s = _creep([e.creep_terms(params) for e, params in entries if e.creep_terms is not None])
     # The drive has room for one section; a further one is put on the position, as linear parts may change places.
     driven = [e.undo_on_drive(params) for e, params in entries if e.undo_on_drive is not None]
@@ -134,16 +135,12 @@ def _in_order(view: TimeView) -> TimeView:
 
 
 def _few_plays(view: TimeView) -> TimeView:
-    """No more plays than the device holds: two neighbours become one between them, with the loop that both have in a
-    large swing, those first of which the smaller loops change least. Plays of opposite signs stay."""
+    """No more plays than the device holds, all of positive weight: two neighbours become one between them, which has
+    the loop of both in a large swing; those first of which the smaller loops change least."""
     r, w = np.array(view.play_r_V), np.array(view.play_w_um_per_V)
     while len(r) > PLAYS:
-        both = np.where(w[:-1] * w[1:] > 0, w[:-1] + w[1:], np.inf)
-        changed_um = np.where(np.isfinite(both), np.abs(w[:-1] * w[1:] / both) * np.diff(r), np.inf)
-        i = int(np.argmin(changed_um))
-        if not np.isfinite(changed_um[i]):
-            break
-        r[i], w[i] = np.average(r[i : i + 2], weights=w[i : i + 2]), both[i]
+        i = int(np.argmin(w[:-1] * w[1:] / (w[:-1] + w[1:]) * np.diff(r)))
+        r[i], w[i] = np.average(r[i : i + 2], weights=w[i : i + 2]), w[i] + w[i + 1]
         r, w = np.delete(r, i + 1), np.delete(w, i + 1)
     return view.model_copy(update={"play_r_V": tuple(r.tolist()), "play_w_um_per_V": tuple(w.tolist())})
 
@@ -237,7 +234,6 @@ def _fewer_terms(k: Samples, tau_s: Samples) -> tuple[Samples, Samples]:
 def _refuse_more_than_it_holds(found: Compensation) -> None:
     view = found.view
     for what, count, most in (
-        ("plays", len(view.play_r_V), PLAYS),
         ("dead zones", len(view.deadzone_d_V), KNOTS),
         ("creep terms", len(found.creep_k), TERMS),
         ("sections for low-passes and modes", len(found.shape), SECTIONS),

@@ -73,7 +73,7 @@ class SharedProducts:
         self._triangles = products[:, self._at[0], self._at[1]]
         self._twice = np.where(self._at[0] == self._at[1], 1.0, 2.0)
 
-    @property
+    @cached_property
     def whole(self) -> Samples:
         """(blocks, k, k), both triangles."""
         return self._filled(self._triangles)

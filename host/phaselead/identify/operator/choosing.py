@@ -20,15 +20,18 @@ FINEST = (48, 20)
 PLAY_STRIDES, SEGMENT_MERGES = (1, 2, 4, 8, 0), (1, 2, 4, 10, 20)
 
 
-def choose_basis(records: Records, found: Solution, *, extrapolating: bool = False) -> tuple[Basis, tuple[Choice, ...]]:
-    """The simplest basis that predicts left-out data as well as any, all else as found, and all that were tried.
+def choose_basis(
+    records: Records, found: Solution, *, leave_out_ends: bool = False
+) -> tuple[Basis, tuple[Choice, ...]]:
+    """A basis for the records, all else as found, and all that were tried.
 
-    Loops fade where that pays, as any further part of a stage must. ``extrapolating``: whether the basis is for rows
-    that go beyond those of the records.
+    With fading plays where the best basis with them leaves less than ``PART_PAYS`` of the squares of left-out data that
+    the best without them leaves; of those the simplest that predicts as well as any. ``leave_out_ends``: see
+    ``folds_of``.
     """
     fine = records.basis(*FINEST, fading=True)
     of_groups = centred(moments(records.fits, fine, found.delay_s, found.rest_fraction, found.modes))
-    folds = folds_of(records.fits, extrapolating=extrapolating)
+    folds = folds_of(records.fits, leave_out_ends=leave_out_ends)
     choices, bases = [], []
     for stride, merge, fading in product(PLAY_STRIDES, SEGMENT_MERGES, (False, True)):
         if fading and not stride:  # plays tell where a record began
@@ -37,9 +40,11 @@ def choose_basis(records: Records, found: Solution, *, extrapolating: bool = Fal
         error = left_out(shrink.T @ of_groups @ shrink, basis.n_segments, folds)
         choices.append(Choice(basis.n_plays, basis.n_segments, error, len(basis.fading_r_V)))
         bases.append(basis)
-    least = {fading: min(c.left_out for c in choices if bool(c.n_fading) == fading) for fading in (False, True)}
-    fades = least[True] ** 2 < PART_PAYS * least[False] ** 2
-    good = [i for i, c in enumerate(choices) if bool(c.n_fading) == fades and c.left_out <= SIMPLER * least[fades]]
+    with_fading = min((c.left_out for c in choices if c.n_fading), default=np.inf)
+    without = min(c.left_out for c in choices if not c.n_fading)
+    fades = with_fading**2 < PART_PAYS * without**2
+    enough = SIMPLER * (with_fading if fades else without)
+    good = [i for i, c in enumerate(choices) if bool(c.n_fading) == fades and c.left_out <= enough]
     best = min(good, key=lambda i: (choices[i].size, choices[i].left_out))
     return bases[best], tuple(replace(c, chosen=i == best) for i, c in enumerate(choices))
 

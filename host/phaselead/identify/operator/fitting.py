@@ -52,12 +52,16 @@ def fit_operator(runs: Sequence[AxisRun], modes: tuple[Mode, ...] = (), lag_s: f
     what else the measured response lags. Raises BadInput for data that determine nothing.
     """
     records = Records(runs, thinned(runs, SEARCH_ROWS, ringing_s=ringing_s(modes)), lag_s=lag_s)
-    records, found, messages = from_their_memories(records, modes)
+    even, of_even, messages = from_their_memories(records, modes)
+    records, found = even, of_even
     basis, choices = choose_basis(records, found)
-    uneven = unevenly(records, found, fading=len(basis.fading_r_V) > 0)
-    if uneven is not records:
-        records, found, messages = from_their_memories(uneven, modes)
-        basis, choices = choose_basis(records, found)
+    for fading in (len(basis.fading_r_V) > 0, True):
+        uneven = unevenly(even, of_even, fading=fading)
+        if uneven is not even:
+            records, found, messages = from_their_memories(uneven, modes)
+            basis, choices = choose_basis(records, found)
+        if fading or not len(basis.fading_r_V):  # what fades may show only once the operator is as uneven as it is
+            break
     if not basis.equals(found.basis):
         found = records.searched(basis, found.delay_s, found.rest_fraction, found.modes)
         basis, choices = choose_basis(records, found)

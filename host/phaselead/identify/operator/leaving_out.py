@@ -19,33 +19,38 @@ BEYOND = 0.05
 as the finest segment."""
 
 
-def folds_of(fits: list[FitRun], *, extrapolating: bool = False) -> list[Samples]:
+def folds_of(fits: list[FitRun], *, leave_out_ends: bool = False) -> list[Samples]:
     """Groups to leave out together, (groups,) each: a level of drive, or a stretch of time when there are few levels.
+    Three groups at least.
 
-    The highest level always stays, and so does a stretch that reaches beyond all others: what lies beyond all data is
-    extrapolation, and no basis is to be judged by it. Where ``extrapolating`` is what the fit is for, stretches of time
-    are all left out.
+    The highest level always stays, and of each fold so do stretches that reach beyond all that is not in it: what lies
+    beyond all data is extrapolation, and no basis is to be judged by it. With ``leave_out_ends`` such stretches are
+    left out too: to judge what the fit of a part of the rows says of others.
     """
     swings = [float(np.ptp(f.run.u_V[f.run.scored])) for f in fits]
     levels = distinct(swings)
     if len(fits) >= FOLD_BLOCKS and len(levels) >= 4:
         nearest = [int(np.argmin(np.abs(np.subtract(levels, s)))) for s in swings]
         return [np.equal(nearest, level) for level in range(len(levels) - 1)]
-    within = ~_beyond_others(fits) | extrapolating
-    folds = [within & (np.arange(len(within)) % FOLD_BLOCKS == fold) for fold in range(FOLD_BLOCKS)]
+    ends_V = _ends_V(fits)
+    folds = [np.arange(len(ends_V)) % FOLD_BLOCKS == fold for fold in range(FOLD_BLOCKS)]
+    if not leave_out_ends:
+        folds = [fold & ~_beyond_others(ends_V, fold) for fold in folds]
     return [fold for fold in folds if fold.any()]
 
 
-def _beyond_others(fits: list[FitRun]) -> NDArray[np.bool_]:
-    """Which groups (groups,) reach voltages that no other comes near."""
+def _ends_V(fits: list[FitRun]) -> Samples:
+    """Lowest and highest voltage (groups, 2) of every group."""
     found = [f.run.u_V[f.rows[of_group]] for f in fits for _, of_group in f.stretches]
-    highest, lowest = np.array([u.max() for u in found]), np.array([u.min() for u in found])
+    return np.array([(u.min(), u.max()) for u in found])
+
+
+def _beyond_others(ends_V: Samples, fold: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Which groups (groups,) reach voltages that none outside a fold comes near."""
+    lowest, highest = ends_V.T
     margin_V = BEYOND * (highest.max() - lowest.min())
-    beyond = np.zeros(len(found), dtype=np.bool_)
-    for ends in (highest, -lowest):
-        top = int(np.argmax(ends))
-        beyond[top] |= ends[top] > np.delete(ends, top).max(initial=-np.inf) + margin_V
-    return beyond
+    others_from_V, others_to_V = lowest[~fold].min(initial=np.inf), highest[~fold].max(initial=-np.inf)
+    return np.asarray((lowest < others_from_V - margin_V) | (highest > others_to_V + margin_V))
 
 
 def left_out(of_groups: Samples, n_segments: int, folds: list[Samples]) -> float:

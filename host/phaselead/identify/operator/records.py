@@ -34,7 +34,8 @@ class Records:
     taper: float = 0.0
     """How much more plays weigh at the top of all their voltages, and how much less at both ends."""
     beside_fading: bool = False
-    """Whether plays stand beside fading ones, unless a basis is asked for that says so itself."""
+    """Whether plays stand beside fading ones, in every basis that does not say so itself: only while it is searched how
+    uneven the operator is."""
 
     def behind_a_lag(self, lag_s: float) -> Records:
         """The same with a low-pass of this time constant in front of the operator."""

@@ -72,7 +72,7 @@ def _of_settled_rows(records: Records, modes: tuple[Mode, ...]) -> Solution:
     """The operator of the rows that remember nothing of what was before their record but an offset."""
     late = records.settled()
     found = late.searched(late.basis(*SEARCH), first_delay_s(late), 0.0, modes)
-    basis, _ = choose_basis(late, found, extrapolating=True)
+    basis, _ = choose_basis(late, found, leave_out_ends=True)
     return late.at(basis, found.delay_s, found.rest_fraction, found.modes)
 
 
