@@ -44,7 +44,7 @@ def test_what_the_records_hide_does_not_change_what_is_stated():
 
 def test_more_noise_asks_for_more():
     quiet, loud = sizes(), sizes(noise_um=0.3)
-    assert all(loud[name] > quiet[name] for name in LAGS)
+    assert all(loud.get(name, np.inf) > quiet[name] for name in LAGS)  # what is beyond all sizes is not stated
 
 
 @pytest.mark.parametrize("name", LAGS)

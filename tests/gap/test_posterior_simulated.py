@@ -8,6 +8,8 @@ from functools import cache
 import numpy as np
 import pytest
 
+from phaselead.gap.findings import GapSize
+from phaselead.gap.goodness_of_fit import FinalFit
 from phaselead.gap.parameters import fresh_columns, parameters_of
 from phaselead.gap.posterior import Likelihood, likelihood_of
 from phaselead.gap.posterior.before import before_record
@@ -18,6 +20,7 @@ from phaselead.gap.residual import modelled_run
 from phaselead.model.axis import AxisModel, TimeView
 from phaselead.model.chain import Chain
 from phaselead.model.effects import effect
+from phaselead.model.operator import plays_after
 
 STEP_S, ROWS = 1e-3, 700
 LOOPS = AxisModel(
@@ -142,3 +145,30 @@ def test_another_base_likelihood_keeps_what_its_runs_have_simulated():
     plain = learned()
     for other in (plain.knowing(sized(SETS["one effect"])), plain.without_held_out(), replace(plain)):
         assert set(map(id, other.runs)) <= set(map(id, plain.runs))
+
+
+@pytest.mark.parametrize("began", [None, (4.0, 1.0)])
+def test_a_voltage_that_had_stood_off_shifts_plays_as_well(began):
+    """They came about there: all that a steady one does is an offset. It was taken for a bend of the sensor."""
+    plays_V = None if began is None else plays_after(LOOPS.time, *began)
+    run = run_of("train", 1)
+    model = replace(modelled_run(LOOPS, run), chain=Chain(LOOPS, run.t_s, run.u_V, start=plays_V))
+    moved_um = model.after_voltage(np.full(ROWS, -0.5))
+    assert moved_um == pytest.approx(np.full(ROWS, -0.5 * (10.0 + 0.5 + 1.0)))  # the gain and both plays
+
+
+def test_what_had_gone_on_before_is_no_gap_that_a_voltage_predicts():
+    """As far as a record tells, each a size of its own."""
+    rng, runs = np.random.default_rng(1), [modelled_run(LOOPS, run_of("holdout", seed)) for seed in (1, 2)]
+    entries = sized(SETS["a slow one"])
+    noise_um = [0.01 * rng.normal(size=ROWS) for _ in runs]
+    measured = []
+    for run, amount, noise in zip(runs, (1.0, -0.5), noise_um, strict=True):
+        (before,) = before_record(run, entries)
+        x_um = run.answer(entries) + amount * before.sum(axis=1) + noise
+        measured.append(replace(run, run=replace(run.run, x_um=x_um)))
+    final = FinalFit(LOOPS, entries, tuple(measured), tuple(measured), GapSize(0.0, 0.0, 0.0))
+    assert all(np.std(left.error_um) > 0.1 for left in final.residuals("holdout"))
+    for left, noise in zip(final.without_history("holdout"), noise_um, strict=True):
+        assert np.std(left.error_um) < 1.1 * np.std(noise)
+    assert final.gap_without_history().after < 0.011

@@ -217,11 +217,12 @@ def _left_by(claimed: _Claimed, final: FinalFit) -> _Remainder:
     anything = bool(claimed.named or claimed.ties)
     reference = final.residuals("reference")
     # Beside a name, that something more is there is a claim too.
-    left = unexplained(final.residuals("train"), final.residuals("holdout"), reference, of_any_size=not anything)
-    if anything and too_little_described(left, final.gap):
+    train, holdout = final.without_history("train"), final.without_history("holdout")
+    left, gap = unexplained(train, holdout, reference, of_any_size=not anything), final.gap_without_history()
+    if anything and too_little_described(left, gap):
         return _Remainder(left, beyond_equations=True, too_much=True)
     if anything and reference:
-        beyond = more_than_equations_miss(left, final.gap)
+        beyond = more_than_equations_miss(left, gap)
         return _Remainder(replace(left, of_equations=left.something_missing and not beyond), beyond)
     return _Remainder(left, left.something_missing)
 

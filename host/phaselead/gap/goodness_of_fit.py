@@ -13,12 +13,13 @@ from phaselead.gap.disturbances import RecordOffset
 from phaselead.gap.findings import GapSize, Trace
 from phaselead.gap.floor import Floor
 from phaselead.gap.parameters import SizedEffect
-from phaselead.gap.posterior import MOST_MISSED
+from phaselead.gap.posterior import MOST_MISSED, before_record
 from phaselead.gap.records import GapRun, Role
 from phaselead.gap.residual import ModelledRun, RunResidual, modelled_run
 from phaselead.gap.ringing import without_ringing
 from phaselead.gap.selection import Selection
 from phaselead.gap.unexplained import Unexplained
+from phaselead.identify import effective_rows
 from phaselead.model import AxisModel
 from phaselead.record import Samples
 
@@ -69,6 +70,19 @@ class FinalFit:
         left = [one.error_um for one in self.residuals(role)]
         pairs = zip(models, left, strict=True)
         return [RunResidual(t.run, without_ringing(t, entries, e) if t.run.idle else e) for t, e in pairs]
+
+    def without_history(self, role: Role) -> list[RunResidual]:
+        """The same residuals without what slow effects had done before the records began, as far as each record tells:
+        no voltage of theirs predicts it."""
+        if role == "reference":
+            return self.residuals(role)
+        pairs = zip((t for t in self.after if t.run.role == role), self.residuals(role), strict=True)
+        return [RunResidual(t.run, _without_history(t, self.entries, left.error_um)) for t, left in pairs]
+
+    def gap_without_history(self) -> GapSize:
+        """The gap, of which that after is without what slow effects had done before the records began."""
+        after = float(np.sqrt(_power([left.error_um for left in self.without_history("holdout")])))
+        return replace(self.gap, after=after)
 
     def offsets(self, role: Role) -> list[RecordOffset]:
         """Mean residual of the final model per run. The reference records are without the effects."""
@@ -127,6 +141,18 @@ class FinalFit:
 def _about_mean(error: Samples) -> Samples:
     """A residual (n,) without its mean, which is the record's own offset."""
     return np.asarray(error - error.mean())
+
+
+def _without_history(modelled: ModelledRun, entries: Sequence[SizedEffect], error: Samples) -> Samples:
+    """A residual (n,) about its mean without its part along what each effect had done before, which has a deviation of
+    1 beforehand and is told as surely as what it cannot explain allows."""
+    columns = np.concatenate([np.zeros((len(error), 0)), *before_record(modelled, entries)], axis=1)
+    if not columns.any():
+        return error
+    columns = columns - columns.mean(axis=0)
+    other = error - columns @ np.linalg.lstsq(columns, error, rcond=None)[0]
+    told = columns.T @ columns + float(np.var(other)) * len(error) / effective_rows(other) * np.eye(columns.shape[1])
+    return np.asarray(error - columns @ np.linalg.solve(told, columns.T @ error))
 
 
 def _power(errors: Sequence[Samples]) -> float:

@@ -7,7 +7,7 @@ projected out of everything that is compared, the memory's shrunk to how far a p
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache, cached_property
 from typing import NamedTuple
 
@@ -82,13 +82,12 @@ class ModelledRun:
         return self.chain.run(extra)[self.run.rows]
 
     def after_voltage(self, added_V: Samples) -> Samples:
-        """What a voltage (n_all,) in V, added to that of every row of the run, would add to its answer: (n,) in um over
-        the scored rows, in proportion to a small part of it."""
+        """What a voltage (n_all,) in V, added to that of every row of the run and, as in the first, to all before,
+        would add to its answer: (n,) in um over the scored rows, in proportion to a small part of it."""
         assert self.axis.time is not None
         low, high = self.axis.time.u_range_V
         part = SMALL_V_SHARE * (high - low) / max(float(np.abs(added_V).max()), 1e-30)
-        moved = replace(self.run, u_V=self.run.u_V + part * added_V)
-        return np.asarray((_chain(self.axis, moved, self.began).run()[self.run.rows] - self.answer()) / part)
+        return np.asarray((self.chain.stood_off(part * added_V).run()[self.run.rows] - self.answer()) / part)
 
     def error(self, extra: Extra = ()) -> Samples:
         """Residual (n,) in um over the scored rows: measured minus the model with the effects ``extra``. The record's

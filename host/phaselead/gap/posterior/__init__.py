@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from phaselead.gap.posterior.absent import largest_sizes
+from phaselead.gap.posterior.before import before_record
 from phaselead.gap.posterior.detectable import MOST_STATED
 from phaselead.gap.posterior.forecast import Forecast
 from phaselead.gap.posterior.interval import intervals, intervals_alone, shows_itself
@@ -27,6 +28,7 @@ __all__ = [
     "Judgement",
     "Likelihood",
     "Starts",
+    "before_record",
     "confused",
     "intervals",
     "intervals_alone",
