@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from phaselead.control.tracking import check_paths, track
@@ -111,6 +111,7 @@ def test_loops_that_fade_are_compensated_beside_feedback(tmp_path):
 
 @settings(max_examples=30, deadline=None)
 @given(st.integers(PLAYS + 1, 80), st.floats(-1, 1), st.integers(0, 10**6))
+@example(PLAYS + 1, 0.5, 1)
 def test_more_plays_than_the_device_holds_become_fewer(count, rest_fraction, seed):
     rng = np.random.default_rng(seed)
     r, w = np.cumsum(rng.uniform(0.01, 0.1, count)), rng.uniform(0.01, 0.2, count)

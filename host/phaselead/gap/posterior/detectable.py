@@ -153,15 +153,13 @@ class _Expected:
 
     def _moments(self, columns: Sequence[Coefficients]) -> Samples:
         """Mean products (blocks, k, k)."""
-        runs = enumerate(self._likelihood.runs)
-        parts = [(run, np.concatenate([one[i] for one in columns], axis=1)) for i, run in runs]
+        parts = zip(self._likelihood.runs, _side_by_side(columns), strict=True)
         return np.concatenate([run.products(one, one) for run, one in parts])
 
     def _moments_beside_shared(self, columns: Sequence[Coefficients]) -> Samples:
         """The same of the likelihood's shared columns and, behind them, these."""
         likelihood, own = self._likelihood, self._moments(columns)
-        runs = enumerate(zip(likelihood.runs, likelihood.shared, strict=True))
-        parts = [(run, shared, np.concatenate([one[i] for one in columns], axis=1)) for i, (run, shared) in runs]
+        parts = zip(likelihood.runs, likelihood.shared, _side_by_side(columns), strict=True)
         across = np.concatenate([run.products(shared, one) for run, shared, one in parts])
         k = likelihood.among_shared.size
         whole: Samples = np.empty((len(own), k + own.shape[1], k + own.shape[1]))
@@ -214,6 +212,11 @@ class _Expected:
             enough = np.flatnonzero(odds >= asked)
             needed = max(needed, float(TRIED[enough[0]]) if len(enough) else np.inf)
         return needed
+
+
+def _side_by_side(columns: Sequence[Coefficients]) -> list[Samples]:
+    """Per run those (n - 1, k) of all of several."""
+    return [np.concatenate(of_run, axis=1) for of_run in zip(*columns, strict=True)]
 
 
 def _added(run: BlockedRun, entry: SizedEffect) -> Samples:

@@ -75,6 +75,7 @@ class Likelihood:
         self._octaves = np.concatenate([run.octaves for run in self.runs])
         self._in_octave = (self._octaves[:, None] == np.unique(self._octaves)).astype(float)
         pairs = zip(self.runs, self.shared, strict=True)
+        # Of the shared columns with each other, which all sets have in common.
         self.among_shared = SharedProducts(np.concatenate([run.products(one, one) for run, one in pairs]))
         self._blocks = [0, *np.cumsum([len(run.sizes) for run in self.runs]).tolist()]
         self._sizes = np.concatenate([run.sizes for run in self.runs])
