@@ -19,7 +19,7 @@ from phaselead.identify.operator.records import Records, known_rest, searched_fr
 from phaselead.identify.operator.regressors import Basis, ringing_s
 from phaselead.identify.operator.result import Choice, OperatorFit, RecordResidual, effective_rows, standard_errors
 from phaselead.identify.operator.session import SEARCH_ROWS, as_known, from_their_memories, told_behind_modes
-from phaselead.identify.operator.solution import PART_PAYS, Solution, centred, moments
+from phaselead.identify.operator.solution import PART_PAYS, Solution, centred, determined_modes, moments
 from phaselead.identify.operator.uneven import unevenly
 from phaselead.identify.runs import AxisRun, one_frequency
 from phaselead.model import Mode
@@ -85,13 +85,15 @@ def fit_operator(runs: Sequence[AxisRun], modes: tuple[Mode, ...] = (), lag_s: f
 
 
 def _paying(records: Records, found: Solution) -> Solution:
-    """The operator without the modes that do not pay, and with all of the motion carried by the only one if that
-    costs nothing."""
+    """The operator without the modes that do not pay or went as far as they may, where they stand for something else,
+    and with all of the motion carried by the only one if that costs nothing."""
 
     def searched(modes: tuple[Mode, ...], *, whole: bool = False) -> Solution:
         return records.searched(found.basis, found.delay_s, known_rest(found.rest_fraction), modes, whole=whole)
 
     found = searched(found.modes)
+    while (inside := determined_modes(found.modes)) != found.modes:
+        found = searched(inside)
     while found.modes:
         fewer = [searched(tuple(m for m in found.modes if m is not out)) for out in found.modes]
         least = min(fewer, key=lambda solution: solution.error)

@@ -46,8 +46,10 @@ EXACT = 1e-9
 PART_PAYS = 0.9
 """A mode, a memory that fades, or a bend of the field, stays in when it leaves less than this share of the squared
 residual without it."""
-MODE_BOX = ((-2.0, 2.0), (0.002, 0.5))
-"""Share of the motion and damping of a mode, as in the catalogue of effects."""
+MODE_SHARE, MODE_ZETA = (-2.0, 2.0), (0.002, 0.5)
+"""Ranges of the share of the motion and of the damping of a mode, as in the catalogue of effects."""
+AT_END = 1e-9
+"""Of a share, of the logarithm of a damping: a mode closer than this to an end of its range is at it."""
 MODE_REACH = (0.3, 0.05, 0.7)
 """Largest change of a mode in one step: of its share, and of the logarithms of its frequency and its damping."""
 FIRST_OF_RATE = 0.9
@@ -280,15 +282,34 @@ def _moved(modes: tuple[Mode, ...], change: Samples) -> tuple[Mode, ...]:
     )
 
 
+def determined_modes(modes: tuple[Mode, ...]) -> tuple[Mode, ...]:
+    """Those inside their ranges: one that was searched to an end of its share or its damping stands for creep, for how
+    hysteresis changes with frequency, or for a single line."""
+    low, high = _range_of_mode(np.inf)
+    return tuple(mode for mode in modes if ((low + AT_END < _place(mode)) & (_place(mode) < high - AT_END)).all())
+
+
+def _place(mode: Mode) -> Samples:
+    """What is searched, (3,): the share of a mode and the logarithms of its frequency and its damping."""
+    c, f_Hz, zeta = mode
+    return np.array([c, np.log(f_Hz), np.log(zeta)])
+
+
+def _range_of_mode(highest_Hz: float) -> tuple[Samples, Samples]:
+    """The lowest and the highest place (3,)."""
+    (least_c, most_c), (least_zeta, most_zeta) = MODE_SHARE, MODE_ZETA
+    return np.array([least_c, -np.inf, np.log(least_zeta)]), _place((most_c, highest_Hz, most_zeta))
+
+
 def _reach(modes: tuple[Mode, ...], highest_Hz: float, whole: bool) -> tuple[Samples, Samples]:
     """Smallest and largest change (3m,) that one step may make."""
     low, high = [], []
-    for c, f_Hz, zeta in modes:
-        at = np.array([c, np.log(f_Hz), np.log(zeta)])
-        shares = (c, c) if whole and len(modes) == 1 else MODE_BOX[0]
-        box = np.array([shares, (-np.inf, np.log(max(highest_Hz, f_Hz))), np.log(MODE_BOX[1])])
-        low.append(np.clip(box[:, 0] - at, -np.array(MODE_REACH), 0.0))
-        high.append(np.clip(box[:, 1] - at, 0.0, np.array(MODE_REACH)))
+    for mode in modes:
+        at, (least, most) = _place(mode), _range_of_mode(max(highest_Hz, mode[1]))
+        if whole and len(modes) == 1:
+            least[0] = most[0] = mode[0]
+        low.append(np.clip(least - at, -np.array(MODE_REACH), 0.0))
+        high.append(np.clip(most - at, 0.0, np.array(MODE_REACH)))
     return np.array(low).reshape(-1), np.array(high).reshape(-1)
 
 
