@@ -169,6 +169,9 @@ def test_what_had_gone_on_before_is_no_gap_that_a_voltage_predicts():
         measured.append(replace(run, run=replace(run.run, x_um=x_um)))
     final = FinalFit(LOOPS, entries, tuple(measured), tuple(measured), GapSize(0.0, 0.0, 0.0))
     assert all(np.std(left.error_um) > 0.1 for left in final.residuals("holdout"))
-    for left, noise in zip(final.without_history("holdout"), noise_um, strict=True):
+    clean = final.without_history()
+    for left, noise in zip(clean.holdout, noise_um, strict=True):
         assert np.std(left.error_um) < 1.1 * np.std(noise)
-    assert final.gap_without_history().after < 0.011
+    assert clean.gap.after < 0.011
+    with_history = np.concatenate([left.error_um for left in final.residuals_before("holdout")])
+    assert clean.gap.before < 0.9 * np.sqrt(np.mean(with_history**2))

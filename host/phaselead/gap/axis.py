@@ -217,8 +217,8 @@ def _left_by(claimed: _Claimed, final: FinalFit) -> _Remainder:
     anything = bool(claimed.named or claimed.ties)
     reference = final.residuals("reference")
     # Beside a name, that something more is there is a claim too.
-    train, holdout = final.without_history("train"), final.without_history("holdout")
-    left, gap = unexplained(train, holdout, reference, of_any_size=not anything), final.gap_without_history()
+    clean = final.without_history()
+    left, gap = unexplained(clean.train, clean.holdout, reference, of_any_size=not anything), clean.gap
     if anything and too_little_described(left, gap):
         return _Remainder(left, beyond_equations=True, too_much=True)
     if anything and reference:

@@ -19,7 +19,7 @@ from phaselead.gap.residual import ModelledRun, RunResidual, modelled_run
 from phaselead.gap.ringing import without_ringing
 from phaselead.gap.selection import Selection
 from phaselead.gap.unexplained import Unexplained
-from phaselead.identify import effective_rows
+from phaselead.identify import apart_from
 from phaselead.model import AxisModel
 from phaselead.record import Samples
 
@@ -28,6 +28,17 @@ OF_THE_RICHEST = "what the richest model of all leaves of the training records"
 CLEARLY_ABOVE_FLOOR = 2.0
 """Times the floor, which is what the model leaves of the reference records, from which what is left of the held-out
 records is something that may shift their means as well."""
+
+
+@dataclass(frozen=True)
+class WithoutHistory:
+    """What a final model leaves of the records, about their means, without what slow effects had done before these
+    began, as far as each record tells: no voltage of theirs predicts it."""
+
+    train: list[RunResidual]
+    holdout: list[RunResidual]
+    gap: GapSize
+    """Of the same residuals, before and after."""
 
 
 @dataclass(frozen=True)
@@ -71,18 +82,26 @@ class FinalFit:
         pairs = zip(models, left, strict=True)
         return [RunResidual(t.run, without_ringing(t, entries, e) if t.run.idle else e) for t, e in pairs]
 
-    def without_history(self, role: Role) -> list[RunResidual]:
-        """The same residuals without what slow effects had done before the records began, as far as each record tells:
-        no voltage of theirs predicts it."""
-        if role == "reference":
-            return self.residuals(role)
-        pairs = zip((t for t in self.after if t.run.role == role), self.residuals(role), strict=True)
-        return [RunResidual(t.run, _without_history(t, self.entries, left.error_um)) for t, left in pairs]
+    def without_history(self) -> WithoutHistory:
+        """What is left, and the gap, without what slow effects had done before the records began."""
+        train, holdout = ([t for t in self.after if t.run.role == role] for role in ("train", "holdout"))
+        left = [self._apart_from_history(t, t.error(self.entries)) for t in holdout]
+        was = [t for t in self.before if t.run.role == "holdout"]
+        before = [self._apart_from_history(t, at_first.error()) for t, at_first in zip(holdout, was, strict=True)]
+        return WithoutHistory(
+            [self._apart_from_history(t, t.error(self.entries)) for t in train],
+            left,
+            replace(self.gap, before=_rms(before), after=_rms(left)),
+        )
 
-    def gap_without_history(self) -> GapSize:
-        """The gap, of which that after is without what slow effects had done before the records began."""
-        after = float(np.sqrt(_power([left.error_um for left in self.without_history("holdout")])))
-        return replace(self.gap, after=after)
+    def _apart_from_history(self, modelled: ModelledRun, error: Samples) -> RunResidual:
+        """A residual (n,) of a run about its mean without its part along what each effect had done before."""
+        before = np.concatenate([np.zeros((len(error), 0)), *before_record(modelled, self.entries)], axis=1)
+        if not before.any():
+            return RunResidual(modelled.run, _about_mean(error))
+        about, along = _about_mean(error), before - before.mean(axis=0)
+        other = about - along @ np.linalg.lstsq(along, about, rcond=None)[0]
+        return RunResidual(modelled.run, apart_from(about[:, None], along, other)[:, 0])
 
     def offsets(self, role: Role) -> list[RecordOffset]:
         """Mean residual of the final model per run. The reference records are without the effects."""
@@ -96,7 +115,7 @@ class FinalFit:
     def with_entries(self, entries: Sequence[SizedEffect]) -> FinalFit:
         """The same with further effects, and the gap that they leave."""
         richer = replace(self, entries=(*self.entries, *entries))
-        after = float(np.sqrt(_power([left.error_um for left in richer.residuals("holdout")])))
+        after = _rms(richer.residuals("holdout"))
         referenced = any(t.run.role == "reference" for t in self.after)
         if referenced:
             return replace(richer, gap=replace(self.gap, after=after))
@@ -143,16 +162,9 @@ def _about_mean(error: Samples) -> Samples:
     return np.asarray(error - error.mean())
 
 
-def _without_history(modelled: ModelledRun, entries: Sequence[SizedEffect], error: Samples) -> Samples:
-    """A residual (n,) about its mean without its part along what each effect had done before, which has a deviation of
-    1 beforehand and is told as surely as what it cannot explain allows."""
-    columns = np.concatenate([np.zeros((len(error), 0)), *before_record(modelled, entries)], axis=1)
-    if not columns.any():
-        return error
-    columns = columns - columns.mean(axis=0)
-    other = error - columns @ np.linalg.lstsq(columns, error, rcond=None)[0]
-    told = columns.T @ columns + float(np.var(other)) * len(error) / effective_rows(other) * np.eye(columns.shape[1])
-    return np.asarray(error - columns @ np.linalg.solve(told, columns.T @ error))
+def _rms(left: Sequence[RunResidual]) -> float:
+    """In um, over all rows."""
+    return math.sqrt(_power([one.error_um for one in left]))
 
 
 def _power(errors: Sequence[Samples]) -> float:
@@ -173,11 +185,11 @@ def final_fit(selection: Selection, runs: Sequence[GapRun], floor: Floor) -> Fin
 
 def _gap(final: FinalFit) -> GapSize:
     """RMS before and after over all held-out rows, and the floor."""
-    before = float(np.sqrt(_power([left.error_um for left in final.residuals_before("holdout")])))
-    after = float(np.sqrt(_power([left.error_um for left in final.residuals("holdout")])))
+    before = _rms(final.residuals_before("holdout"))
+    after = _rms(final.residuals("holdout"))
     reference = final.residuals("reference")
     if reference:
-        floor = float(np.sqrt(_power([left.error_um for left in reference])))
+        floor = _rms(reference)
         return GapSize(before, after, floor, "um", "what the model leaves of the reference records")
     return GapSize.below(before, after, final.richest_um, OF_THE_RICHEST)
 

@@ -19,7 +19,15 @@ from phaselead.identify.modal import (
     frequency_response,
     score_test,
 )
-from phaselead.identify.operator import Turns, effective_rows, fit_plays, play_thresholds, starting_memory, way_before
+from phaselead.identify.operator import (
+    Turns,
+    apart_from,
+    effective_rows,
+    fit_plays,
+    play_thresholds,
+    starting_memory,
+    way_before,
+)
 from phaselead.identify.plan import HELD_OUT, Experiment, plan_as_time_allows, plan_of, plan_seconds
 from phaselead.identify.runs import DRIVEN_SHARE, SAME_RATE, STILL_V, AxisRun, SineDrive
 from phaselead.identify.table import compare_with_table_1
@@ -49,6 +57,7 @@ __all__ = [
     "Verification",
     "Verifications",
     "View",
+    "apart_from",
     "common_period",
     "common_poles",
     "compare_with_table_1",

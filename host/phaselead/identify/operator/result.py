@@ -178,6 +178,17 @@ def effective_rows(residual: Samples) -> float:
     return max(1.0, n / (1 + 2 * float(rho[1:end].sum())))
 
 
+def apart_from(columns: Samples, before: Samples, left: Samples) -> Samples:
+    """Columns (rows, k), about their means, without their part along others: what had gone on before a record.
+
+    ``before`` (rows, m): each of them an amount with a deviation of 1 beforehand, told as surely as the residual
+    ``left`` (rows,) allows.
+    """
+    columns, before = columns - columns.mean(axis=0), before - before.mean(axis=0)
+    told = before.T @ before + float(np.var(left)) * len(left) / effective_rows(left) * np.eye(before.shape[1])
+    return np.asarray(columns - before @ np.linalg.solve(told, before.T @ columns))
+
+
 def standard_errors(fits: list[FitRun], solution: Solution, residuals: list[Samples]) -> dict[str, tuple[float, ...]]:
     """Standard errors of the parameters of a time view, linearised at the solution; keys as in ``OperatorFit.std``.
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from phaselead.identify.operator.choosing import FINEST
 from phaselead.identify.operator.creep import Creep
 from phaselead.identify.operator.regressors import FitRun, design_matrix
-from phaselead.identify.operator.result import OperatorFit, effective_rows
+from phaselead.identify.operator.result import OperatorFit, apart_from
 from phaselead.identify.operator.session import as_known
 from phaselead.identify.operator.solution import EXACT, PART_PAYS, Solution, moments_of, solve_slopes
 from phaselead.identify.runs import AxisRun, one_frequency
@@ -123,9 +123,7 @@ def apart_from_before(
     effect, params = Creep(per_decade.typical, *ends_s).entry
     assert effect.before_record is not None
     before = effect.before_record((run.t_s - run.t_s[0])[rows], params, axis)
-    columns, before = columns - columns.mean(axis=0), before - before.mean(axis=0)
-    told = before.T @ before + float(np.var(left_um)) * len(rows) / effective_rows(left_um) * np.eye(before.shape[1])
-    return np.asarray(columns - before @ np.linalg.solve(told, before.T @ columns))
+    return apart_from(columns, before, left_um)
 
 
 def _solved(of_all: Samples, slopes: int, n_segments: int, term: int | None) -> tuple[float, float]:
