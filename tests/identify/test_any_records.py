@@ -432,3 +432,11 @@ def test_loops_of_800_V(um_per_V, noise_um, memory):
     fitted, _ = fit([record_of(stage, u, 500.0, i, f"{i}") for i, u in enumerate(waves)])
     assert fitted.axis("x").time.residual_um_rms < 0.05
     assert np.sign(fitted.axis("x").time.gain_um_per_V) == np.sign(um_per_V)
+
+
+@pytest.mark.parametrize("zeta", [0.0015, 0.7])
+def test_the_only_mode_is_kept_where_its_damping_is_beyond_what_is_searched(zeta):
+    """At the nearest damping: without it ten times as much is left."""
+    fitted, _ = fit(laboratory(AnyStage(((1.0, 40.0, zeta),)), COARSE_HZ, only=QUICK))
+    ((_, found_Hz, _),) = modes_of(fitted)
+    assert found_Hz == pytest.approx(40.0, rel=0.05)

@@ -19,7 +19,7 @@ from phaselead.identify.operator.records import Records, known_rest, searched_fr
 from phaselead.identify.operator.regressors import Basis, ringing_s
 from phaselead.identify.operator.result import Choice, OperatorFit, RecordResidual, effective_rows, standard_errors
 from phaselead.identify.operator.session import SEARCH_ROWS, as_known, from_their_memories, told_behind_modes
-from phaselead.identify.operator.solution import PART_PAYS, Solution, centred, determined_modes, moments
+from phaselead.identify.operator.solution import PART_PAYS, Solution, centred, modes_that_stayed, moments
 from phaselead.identify.operator.uneven import unevenly
 from phaselead.identify.runs import AxisRun, one_frequency
 from phaselead.model import Mode
@@ -67,7 +67,7 @@ def fit_operator(runs: Sequence[AxisRun], modes: tuple[Mode, ...] = (), lag_s: f
         basis, choices = choose_basis(records, found)
     lag_share = 0.0
     if modes:
-        found = _paying(records, replace(found, basis=basis))
+        found = _paying(records, replace(found, basis=basis), modes)
         basis, choices = choose_basis(records, found)
         without = records.at(basis, found.delay_s, found.rest_fraction, found.modes)
         records, found = _lagging(records, without)
@@ -84,16 +84,16 @@ def fit_operator(runs: Sequence[AxisRun], modes: tuple[Mode, ...] = (), lag_s: f
     return replace(_of_all_rows(records, found, modes, choices, messages), lag_share=lag_share)
 
 
-def _paying(records: Records, found: Solution) -> Solution:
-    """The operator without the modes that do not pay or went as far as they may, where they stand for something else,
-    and with all of the motion carried by the only one if that costs nothing."""
+def _paying(records: Records, found: Solution, shown: tuple[Mode, ...]) -> Solution:
+    """The operator without the modes that do not pay or do not stay near those ``shown``, where they began, and with
+    all of the motion carried by the only one if that costs nothing."""
 
     def searched(modes: tuple[Mode, ...], *, whole: bool = False) -> Solution:
         return records.searched(found.basis, found.delay_s, known_rest(found.rest_fraction), modes, whole=whole)
 
     found = searched(found.modes)
-    while (inside := determined_modes(found.modes)) != found.modes:
-        found = searched(inside)
+    while (stayed := modes_that_stayed(found.modes, shown)) != found.modes:
+        found = searched(stayed)
     while found.modes:
         fewer = [searched(tuple(m for m in found.modes if m is not out)) for out in found.modes]
         least = min(fewer, key=lambda solution: solution.error)
@@ -170,7 +170,7 @@ def place_operator(runs: Sequence[AxisRun], known: OperatorFit, modes: tuple[Mod
         if found.error > PLACED * error:
             break
         error = found.error
-    records, found, messages = told_behind_modes(records, _paying(records, found), known)
+    records, found, messages = told_behind_modes(records, _paying(records, found, modes), known)
     if known.lag_s and not found.modes:  # without modes nothing tells a lag from the delay
         return known
     rest_told = _rest_matters(records, found.basis, found)
@@ -191,7 +191,7 @@ def fit_linear(runs: Sequence[AxisRun], modes: tuple[Mode, ...] = (), lag_s: flo
     basis = records.basis(0, 1)
     if lag_s is None:
         return _result(records, records.at(basis, 0.0, 0.0), (), ())
-    found = _paying(records, Solution(basis, lag_s, 0.0, np.zeros(1), 0.0, 0.0, modes))
+    found = _paying(records, Solution(basis, lag_s, 0.0, np.zeros(1), 0.0, 0.0, modes), modes)
     full = replace(records, fits=thinned(runs, MOST_ROWS))
     return _result(full, replace(found, delay_s=0.0, rest_fraction=0.0, modes=()), (), ())
 

@@ -282,11 +282,19 @@ def _moved(modes: tuple[Mode, ...], change: Samples) -> tuple[Mode, ...]:
     )
 
 
-def determined_modes(modes: tuple[Mode, ...]) -> tuple[Mode, ...]:
-    """Those inside their ranges: one that was searched to an end of its share or its damping stands for creep, for how
-    hysteresis changes with frequency, or for a single line."""
+def modes_that_stayed(modes: tuple[Mode, ...], shown: tuple[Mode, ...]) -> tuple[Mode, ...]:
+    """Those that the search left where the records showed one. One that went further than a search may go, or to an end
+    of its share, or beside others to the highest damping, stands for creep or for how hysteresis changes with
+    frequency."""
     low, high = _range_of_mode(np.inf)
-    return tuple(mode for mode in modes if ((low + AT_END < _place(mode)) & (_place(mode) < high - AT_END)).all())
+    reach = MOST_OPERATOR_STEPS * MODE_REACH[1]
+
+    def stayed(mode: Mode) -> bool:
+        (c, _, log_zeta), nearest = _place(mode), min(abs(np.log(mode[1] / f_Hz)) for _, f_Hz, _ in shown)
+        damped = len(modes) > 1 and log_zeta > high[2] - AT_END
+        return bool(nearest < reach and low[0] + AT_END < c < high[0] - AT_END and not damped)
+
+    return tuple(mode for mode in modes if stayed(mode))
 
 
 def _place(mode: Mode) -> Samples:
