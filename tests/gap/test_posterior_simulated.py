@@ -173,5 +173,18 @@ def test_what_had_gone_on_before_is_no_gap_that_a_voltage_predicts():
     for left, noise in zip(clean.holdout, noise_um, strict=True):
         assert np.std(left.error_um) < 1.1 * np.std(noise)
     assert clean.gap.after < 0.011
-    with_history = np.concatenate([left.error_um for left in final.residuals_before("holdout")])
-    assert clean.gap.before < 0.9 * np.sqrt(np.mean(with_history**2))
+    unmoved_um2 = [np.var(run.answer(entries) - run.answer()) + 0.01**2 for run in runs]
+    assert clean.gap.before == pytest.approx(np.sqrt(np.mean(unmoved_um2)), rel=0.02)
+
+
+@pytest.mark.parametrize("name", ["a slow one", "several"])
+def test_where_nothing_had_gone_on_before_the_gap_stays(name):
+    """What a base leaves looks like it: fitted to that, it took half of the gap before away."""
+    rng, runs = np.random.default_rng(2), [modelled_run(LOOPS, run_of("holdout", seed)) for seed in (1, 2)]
+    entries = sized(SETS[name])
+    measured = [
+        replace(run, run=replace(run.run, x_um=run.answer(entries) + 0.01 * rng.normal(size=ROWS))) for run in runs
+    ]
+    final = FinalFit(LOOPS, entries, tuple(measured), tuple(measured), GapSize(0.0, 0.0, 0.0))
+    left = np.concatenate([one.error_um for one in final.residuals_before("holdout")])
+    assert final.without_history().gap.before == pytest.approx(np.sqrt(np.mean(left**2)), rel=0.01)

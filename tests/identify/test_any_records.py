@@ -434,9 +434,16 @@ def test_loops_of_800_V(um_per_V, noise_um, memory):
     assert np.sign(fitted.axis("x").time.gain_um_per_V) == np.sign(um_per_V)
 
 
-@pytest.mark.parametrize("zeta", [0.0015, 0.7])
-def test_the_only_mode_is_kept_where_its_damping_is_beyond_what_is_searched(zeta):
-    """At the nearest damping: without it ten times as much is left."""
-    fitted, _ = fit(laboratory(AnyStage(((1.0, 40.0, zeta),)), COARSE_HZ, only=QUICK))
-    ((_, found_Hz, _),) = modes_of(fitted)
-    assert found_Hz == pytest.approx(40.0, rel=0.05)
+@pytest.mark.parametrize(
+    ("modes", "left_um"),
+    [
+        (((1.0, 40.0, 0.7),), 0.6),  # 2.3 um without it
+        (((0.9, 150.0, 0.55), (0.1, 400.0, 0.02)), 0.1),  # 1.5 um
+        (((2.3, 60.0, 0.05),), 1.0),  # 8 um
+    ],
+    ids=["damped", "damped beside another", "more than all of the motion"],
+)
+def test_what_a_stage_shows_is_kept_at_the_end_of_what_is_searched_and_beyond(modes, left_um):
+    fitted, _ = fit(laboratory(AnyStage(modes), COARSE_HZ, only=QUICK))
+    assert [mode[1] for mode in modes_of(fitted)] == [pytest.approx(f_Hz, rel=0.05) for _, f_Hz, _ in modes]
+    assert fitted.axis("x").time.residual_um_rms < left_um

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -10,6 +11,7 @@ from scipy.signal import lfilter, lsim, lti
 
 from phaselead.identify.modal.one_axis import find_modes, fit_together
 from phaselead.identify.operator import fit_operator
+from phaselead.identify.operator.solution import strayed
 from phaselead.identify.runs import AxisRun
 from phaselead.model import behind_modes, respond, rest_plays
 from phaselead.model.axis import TimeView
@@ -140,3 +142,32 @@ def test_a_mode_does_not_stand_for_creep(share):
     runs, _ = session((0.5, 3.5, 10.0), (20.0, 7.0, 1.0))
     fitted = fit_operator([creeping(run, share) for run in runs], ((0.02, 5.0, 0.45), MODE))
     assert [mode[1] for mode in fitted.modes] == [pytest.approx(MODE[1], rel=0.01)]
+
+
+def test_a_damped_stage_that_creeps_keeps_its_mode(monkeypatch):
+    """Each stood for something else beside the other, and both were left out."""
+    monkeypatch.setattr(sys.modules[__name__], "MODE", (1.0, 40.0, 0.7))
+    runs, _ = session((0.5, 3.5, 10.0), (20.0, 7.0, 1.0))
+    fitted = fit_operator([creeping(run, 0.01) for run in runs], ((0.02, 5.0, 0.45), (1.0, 40.0, 0.45)))
+    assert len(fitted.modes) == 1
+    assert fitted.modes[0][1] > 25.0
+
+
+BEGAN = ((1.0, 150.0, 0.3), (0.1, 300.0, 0.02))
+
+
+@pytest.mark.parametrize(
+    ("modes", "out"),
+    [
+        (BEGAN, None),
+        (((0.5, 95.0, 0.3), (0.1, 310.0, 0.02)), None),
+        (((0.5, 90.0, 0.3), (0.1, 310.0, 0.02)), 0),
+        (((0.5, 90.0, 0.3), (0.1, 30.0, 0.02)), 1),  # the one that moved most
+        (((0.5, 140.0, 0.5), (0.1, 310.0, 0.02)), 0),
+        (((0.5, 140.0, 0.5), (0.1, 30.0, 0.02)), 1),
+    ],
+)
+def test_a_mode_strays_by_its_frequency_or_beside_others_by_its_damping(modes, out):
+    assert strayed(modes, BEGAN) == out
+    assert strayed(((0.5, 140.0, 0.5),), BEGAN[:1]) is None
+    assert strayed(((0.5, 140.0, 0.55), BEGAN[1]), ((0.5, 140.0, 0.58), BEGAN[1])) is None

@@ -38,7 +38,7 @@ class WithoutHistory:
     train: list[RunResidual]
     holdout: list[RunResidual]
     gap: GapSize
-    """Of the same residuals, before and after."""
+    """What the base and the final model leave of the held-out records without the same; the floor is that with it."""
 
 
 @dataclass(frozen=True)
@@ -83,25 +83,31 @@ class FinalFit:
         return [RunResidual(t.run, without_ringing(t, entries, e) if t.run.idle else e) for t, e in pairs]
 
     def without_history(self) -> WithoutHistory:
-        """What is left, and the gap, without what slow effects had done before the records began."""
-        train, holdout = ([t for t in self.after if t.run.role == role] for role in ("train", "holdout"))
-        left = [self._apart_from_history(t, t.error(self.entries)) for t in holdout]
-        was = [t for t in self.before if t.run.role == "holdout"]
-        before = [self._apart_from_history(t, at_first.error()) for t, at_first in zip(holdout, was, strict=True)]
-        return WithoutHistory(
-            [self._apart_from_history(t, t.error(self.entries)) for t in train],
-            left,
-            replace(self.gap, before=_rms(before), after=_rms(left)),
-        )
+        """What is left, and the gap, without what slow effects had done before the records began: of the gap before
+        that is taken out as what is left of the final model tells it."""
+        train, holdout = (self._pairs_without_history(role) for role in ("train", "holdout"))
+        of_base = [t.error() for t in self.before if t.run.role == "holdout"]
+        before = [_about_mean(error - history) for error, (_, history) in zip(of_base, holdout, strict=True)]
+        after = [left for left, _ in holdout]
+        gap = replace(self.gap, before=math.sqrt(_power(before)), after=_rms(after))
+        return WithoutHistory([left for left, _ in train], after, gap)
 
-    def _apart_from_history(self, modelled: ModelledRun, error: Samples) -> RunResidual:
-        """A residual (n,) of a run about its mean without its part along what each effect had done before."""
+    def _pairs_without_history(self, role: Role) -> list[tuple[RunResidual, Samples]]:
+        """Of each run what is left without what slow effects had done before it began, and that (n,)."""
+        pairs = []
+        for t, left in zip((t for t in self.after if t.run.role == role), self.residuals(role), strict=True):
+            history = self._history(t, left.error_um)
+            pairs.append((RunResidual(t.run, left.error_um - history), history))
+        return pairs
+
+    def _history(self, modelled: ModelledRun, error: Samples) -> Samples:
+        """The part (n,) of a residual about its mean that lies along what each effect had done before a run."""
         before = np.concatenate([np.zeros((len(error), 0)), *before_record(modelled, self.entries)], axis=1)
         if not before.any():
-            return RunResidual(modelled.run, _about_mean(error))
-        about, along = _about_mean(error), before - before.mean(axis=0)
-        other = about - along @ np.linalg.lstsq(along, about, rcond=None)[0]
-        return RunResidual(modelled.run, apart_from(about[:, None], along, other)[:, 0])
+            return np.zeros(len(error))
+        before = before - before.mean(axis=0)
+        other = error - before @ np.linalg.lstsq(before, error, rcond=None)[0]
+        return np.asarray(error - apart_from(error[:, None], before, other)[:, 0])
 
     def offsets(self, role: Role) -> list[RecordOffset]:
         """Mean residual of the final model per run. The reference records are without the effects."""

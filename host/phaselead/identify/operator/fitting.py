@@ -19,7 +19,7 @@ from phaselead.identify.operator.records import Records, known_rest, searched_fr
 from phaselead.identify.operator.regressors import Basis, ringing_s
 from phaselead.identify.operator.result import Choice, OperatorFit, RecordResidual, effective_rows, standard_errors
 from phaselead.identify.operator.session import SEARCH_ROWS, as_known, from_their_memories, told_behind_modes
-from phaselead.identify.operator.solution import PART_PAYS, Solution, centred, modes_that_stayed, moments
+from phaselead.identify.operator.solution import PART_PAYS, Solution, centred, moments, strayed
 from phaselead.identify.operator.uneven import unevenly
 from phaselead.identify.runs import AxisRun, one_frequency
 from phaselead.model import Mode
@@ -84,16 +84,17 @@ def fit_operator(runs: Sequence[AxisRun], modes: tuple[Mode, ...] = (), lag_s: f
     return replace(_of_all_rows(records, found, modes, choices, messages), lag_share=lag_share)
 
 
-def _paying(records: Records, found: Solution, shown: tuple[Mode, ...]) -> Solution:
-    """The operator without the modes that do not pay or do not stay near those ``shown``, where they began, and with
-    all of the motion carried by the only one if that costs nothing."""
+def _paying(records: Records, found: Solution, began: tuple[Mode, ...]) -> Solution:
+    """The operator without the modes that strayed from where their search ``began`` or that do not pay, and with all of
+    the motion carried by the only one if that costs nothing."""
 
     def searched(modes: tuple[Mode, ...], *, whole: bool = False) -> Solution:
         return records.searched(found.basis, found.delay_s, known_rest(found.rest_fraction), modes, whole=whole)
 
     found = searched(found.modes)
-    while (stayed := modes_that_stayed(found.modes, shown)) != found.modes:
-        found = searched(stayed)
+    while (out := strayed(found.modes, began)) is not None:
+        began = began[:out] + began[out + 1 :]
+        found = searched(began)
     while found.modes:
         fewer = [searched(tuple(m for m in found.modes if m is not out)) for out in found.modes]
         least = min(fewer, key=lambda solution: solution.error)
