@@ -183,9 +183,11 @@ def test_a_stage_that_falls_only_beyond_its_limits_has_an_inverse():
     assert inverse_refusal(model) is None
 
 
-def test_a_path_the_inverse_cannot_reach_is_refused_before_anything_moves():
-    with pytest.raises(BadInput, match="outside what the inverse can reach"):
-        check_paths(parse_waves("sine:260um@5Hz", "x"), "inverse", stage())
+@pytest.mark.parametrize("mode", ["inverse", "pid"])
+def test_a_path_beyond_what_the_model_reaches_is_refused_before_anything_moves(mode):
+    """Under feedback alone it stood at the output's limit, and ended in a fault while it was driven."""
+    with pytest.raises(BadInput, match="outside what the model can reach"):
+        check_paths(parse_waves("sine:260um@5Hz", "x"), mode, stage())
 
 
 def test_an_effect_that_is_there_twice_is_undone_twice():

@@ -1,5 +1,7 @@
 """A device that holds a model already, driven without its stage file: limits and gains are those of what it holds."""
 
+import warnings
+
 import pytest
 
 import phaselead as pl
@@ -84,3 +86,35 @@ def test_micrometres_are_by_the_model_that_was_uploaded_last(dev):
     dev.device.upload(device_model(Stage(name="shifted", axes={"x": shifted})))
     assert dev.where().x.x_um == pytest.approx(before.x_um + 100, abs=0.2)
     assert dev.status().axes["x"].x_um == pytest.approx(before.x_um + 100, abs=0.2)
+
+
+@pytest.fixture
+def unringing(tmp_path):
+    """A device with a stage whose model shows no mode."""
+    stage = Stage(name="slow", axes={"x": AXIS.model_copy(update={"effects": ()})})
+    stage.save(tmp_path / "slow.toml")
+    with pl.connect(f"sim://{tmp_path / 'slow.toml'}") as device:
+        yield device, stage
+
+
+def test_gains_for_a_model_without_a_mode_are_said_to_be_low(unringing):
+    """Half of the path was error, and nothing said why."""
+    device, stage = unringing
+    with pytest.warns(UserWarning, match="x: the model shows no mode: gains are low.* `phaselead tune`"):
+        device.track("sine:30um@5Hz", mode="pid", model=stage, duration=0.4)
+    chosen = pl.Gains(kp_V_per_um=0.0, ki_V_per_um_s=1.0, kd_V_s_per_um=0.0)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        device.track("sine:30um@5Hz", mode="pid", model=stage, gains=chosen, duration=0.4)
+
+
+def test_an_upload_says_what_the_device_holds_no_inverse_of(unringing):
+    device, stage = unringing
+    steep = stage.axes["x"].time.model_copy(update={"gain_um_per_V": 1e5})
+    with pytest.warns(UserWarning, match="axis x: uploaded without an inverse of its model: .*gain_um_per_V"):
+        device.upload(Stage(name="steep", axes={"x": AxisModel(time=steep)}))
+    with pytest.warns(UserWarning, match="axis x: limits and calibration alone"):
+        device.upload(Stage(name="bare", axes={"x": AxisModel()}))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        device.upload(stage)

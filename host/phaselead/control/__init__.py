@@ -17,7 +17,7 @@ from phaselead.control.gains import (
     parse_gains,
     with_gains,
 )
-from phaselead.control.held import held_stage, held_warning, unknown_warning
+from phaselead.control.held import held_stage, low_gains_warning, unknown_warning
 from phaselead.control.hold_and_move import Axis
 from phaselead.control.journal import record_open_loop, record_to_file, recover_run, track_to_file
 from phaselead.control.keep_alive import HOST_TIMEOUT_S
@@ -60,12 +60,12 @@ __all__ = [
     "describe_unseen",
     "gains_of",
     "held_stage",
-    "held_warning",
     "lacking_gains",
     "learn",
     "load_learned",
     "loop_of",
     "loop_warnings",
+    "low_gains_warning",
     "own_loop_warnings",
     "parse_gains",
     "parse_outputs",

@@ -18,7 +18,7 @@ from phaselead.control.running import Runs
 from phaselead.control.supervision import Supervision
 from phaselead.control.tracking import assumed_limits
 from phaselead.control.tuning import Tunes
-from phaselead.control.uploaded import Upload
+from phaselead.control.uploaded import Upload, without_inverse
 from phaselead.device import (
     BAUD,
     IDS_RESERVED,
@@ -203,7 +203,8 @@ class Controller(Runs, Tunes, Supervision):
         ``model`` is a stage, the result of a fit or a stage file's name. ``persist`` also writes it to flash, so that
         it survives a power cycle. Raises BadInput for a coefficient the device's formats cannot hold, and for gains of
         the model's own whose loop has a peak sensitivity above 6, unless ``force``; above 3 it warns, as it does where
-        the model asks for more than the device's hard limits: the tighter of both hold.
+        the model asks for more than the device's hard limits: the tighter of both hold. It warns as well
+        of axes that the device holds no inverse of, and says why.
         """
         stage = as_stage(model)
         for line in own_loop_warnings(stage, force=force):
@@ -211,7 +212,7 @@ class Controller(Runs, Tunes, Supervision):
         blob = device_model(stage)
         crc = self.device.upload(blob)
         self.model = stage
-        for line in held_back(self.device, stage):
+        for line in [*held_back(self.device, stage), *without_inverse(stage)]:
             warnings.warn(line, stacklevel=2)
         return Upload(stage, len(blob), f"{crc:08x}", self.device.persist() if persist else None)
 

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
+from phaselead.control.gains import UNSEEN_MODE
+from phaselead.control.motion_limits import first_mode_Hz
 from phaselead.device import Device, from_device_model
 from phaselead.model import Gains, Stage
 from phaselead.sim import DEFAULT_STAGE, data_sheet
@@ -44,12 +48,19 @@ def unknown_warning(device: Device, known: Stage | None, mode: str, *, gains_giv
     ]
 
 
-def held_warning(held: Stage | None, mode: str, gains: dict[str, Gains]) -> list[str]:
-    """What to say of gains that were designed for what a device tells of its model."""
-    slow = [axis for axis, own in gains.items() if own.origin is not None]
-    if held is None or not mode.endswith("pid") or not slow:
+def low_gains_warning(stage: Stage | None, held: Stage | None, mode: str, gains: Mapping[str, Gains]) -> list[str]:
+    """What to say of gains that were designed for a model without modes, be it ``stage``'s, or what a device tells of
+    the one that is ``held``."""
+    designed = [axis for axis, own in gains.items() if own.origin is not None]
+    if not mode.endswith("pid"):
         return []
-    return [
-        f"{', '.join(slow)}: the device does not tell the modes of its model: gains are low, for a mode anywhere above "
-        "100 Hz; a move or a path with --model STAGE.toml has better ones"
-    ]
+    if stage is not None:
+        low = [axis for axis in designed if axis in stage.axes and first_mode_Hz(stage.axes[axis]) is None]
+        why, better = "the model shows no mode", "`phaselead tune` measures better ones"
+    else:
+        low = designed if held is not None else []
+        why = "the device does not tell the modes of its model"
+        better = "a move or a path with --model STAGE.toml has better ones"
+    if not low:
+        return []
+    return [f"{', '.join(low)}: {why}: gains are low, for a mode anywhere above {UNSEEN_MODE[1]:g} Hz; {better}"]

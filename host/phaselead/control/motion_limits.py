@@ -1,4 +1,4 @@
-"""How fast an axis may be moved, from its model: what its output and its first mode allow."""
+"""How fast and how far an axis may be moved, from its model: what its output, its first mode and its sensor allow."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from phaselead.control.gains import UNSEEN_MODE
 from phaselead.control.modes import INVERTS
 from phaselead.device import Limits, MotionLimits
 from phaselead.errors import BadInput
-from phaselead.model import AxisModel, SmallSignal, compensation, small_signal
+from phaselead.model import AxisModel, SmallSignal, compensation, respond, rest_plays, small_signal
 from phaselead.waveforms import PEAK_SPEED
 
 UNKNOWN_um_per_s = 1000.0
@@ -116,3 +116,17 @@ def reach_um(mode: str | None, model: AxisModel) -> tuple[float, float]:
         lowest, highest = compensation(model).reach_um
         low, high = max(low, lowest), min(high, highest)
     return low, high
+
+
+def rests_unseen(model: AxisModel) -> str | None:
+    """In words where the model rests beyond the rails of its sensor, so that no path and no gains work."""
+    view, sensor, rest_V = model.time, model.sensor, model.limits.u_park_V
+    assert view is not None
+    at_um = float(respond(view, [rest_V], rest_plays(view))[0][0])
+    if sensor.x_min_um < at_um < sensor.x_max_um:
+        return None
+    return (
+        f"it rests at {at_um:.4g} um at {rest_V:g} V, outside what its sensor sees "
+        f"({sensor.x_min_um:g}..{sensor.x_max_um:g} um); if the recordings were not zeroed as the sensor is, take that "
+        "off their positions and fit again, else write what the sensor sees into the stage file (x_min_um, x_max_um)"
+    )

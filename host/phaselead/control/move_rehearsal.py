@@ -5,9 +5,9 @@ from __future__ import annotations
 import tempfile
 from pathlib import Path
 
+from phaselead.control.motion_limits import rests_unseen
 from phaselead.control.moved import Planned
 from phaselead.control.moving import Mover
-from phaselead.control.rehearsal import rests_unseen
 from phaselead.device import Device
 from phaselead.errors import BadInput, DeviceRefused
 from phaselead.sim import virtual_stage

@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 
 from phaselead.control.gains import GainsLike, gains_in_mode, gains_of
-from phaselead.control.held import held_stage, held_warning, unknown_warning
+from phaselead.control.held import held_stage, low_gains_warning, unknown_warning
 from phaselead.control.modes import NEEDS_MODEL
 from phaselead.control.motion_limits import (
     WINDOW_S,
@@ -139,7 +139,7 @@ class Mover:
         for axis in axes:
             check_path(axis, _hold(now, axis), chosen, _model(known, axis))
         warnings = unknown_warning(self.device, known, chosen, gains_given=gains is not None)
-        warnings += [*held_warning(held, chosen, own), *loop_warnings(known, chosen, own, force=force)]
+        warnings += [*low_gains_warning(stage, held, chosen, own), *loop_warnings(known, chosen, own, force=force)]
         self.stage, self.known, self.mode, self.gains = stage, known, chosen, own
         self.gains_given = gains is not None
         return warnings

@@ -9,7 +9,7 @@ from contextlib import nullcontext
 from phaselead.control.feeding import refuse_endless
 from phaselead.control.gains import GainsLike, gains_of
 from phaselead.control.going_on import go_on
-from phaselead.control.held import held_stage, held_warning, unknown_warning
+from phaselead.control.held import held_stage, low_gains_warning, unknown_warning
 from phaselead.control.hold_and_move import HoldsAndMoves
 from phaselead.control.modes import NEEDS_MODEL
 from phaselead.control.motion_limits import WINDOW_S
@@ -123,7 +123,7 @@ def play_on(
     else:
         chosen = {axis: gains_of(gains, known, axis) for axis in waveforms} if mode != "open" else {}
         warnings = unknown_warning(device, known, mode, gains_given=gains is not None)
-        warnings += [*held_warning(held, mode, chosen), *loop_warnings(stage, mode, chosen, force=force)]
+        warnings += [*low_gains_warning(stage, held, mode, chosen), *loop_warnings(stage, mode, chosen, force=force)]
     check_paths(waveforms, mode, known)
     endless = duration_s is None
     if endless:

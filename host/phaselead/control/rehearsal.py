@@ -14,12 +14,12 @@ from typing import NamedTuple
 import numpy as np
 
 from phaselead.control.modes import INVERTS
-from phaselead.control.motion_limits import first_mode_Hz
+from phaselead.control.motion_limits import first_mode_Hz, rests_unseen
 from phaselead.control.path_speed import beyond_slew, hardest, refuse_voltage_too_fast
 from phaselead.control.tracking import check_paths, default_duration_s, track
 from phaselead.device import TICK_HZ, Capture, Converters, Device, DeviceFault, converters, device_model
 from phaselead.errors import BadInput, DeviceRefused
-from phaselead.model import AxisModel, Gains, Stage, respond, rest_plays
+from phaselead.model import Gains, Stage
 from phaselead.sim import plant_parameters, virtual_stage
 from phaselead.waveforms import Goto, Streamed, Waveform
 
@@ -159,20 +159,6 @@ def _silent(stage: Stage, axis: str) -> bool:
     return axis not in stage.axes or stage.axes[axis].time is None
 
 
-def rests_unseen(model: AxisModel) -> str | None:
-    """In words where the model rests beyond the rails of its sensor, so that no path and no gains work."""
-    view, sensor, rest_V = model.time, model.sensor, model.limits.u_park_V
-    assert view is not None
-    at_um = float(respond(view, [rest_V], rest_plays(view))[0][0])
-    if sensor.x_min_um < at_um < sensor.x_max_um:
-        return None
-    return (
-        f"it rests at {at_um:.4g} um at {rest_V:g} V, outside what its sensor sees "
-        f"({sensor.x_min_um:g}..{sensor.x_max_um:g} um); if the recordings were not zeroed as the sensor is, take that "
-        "off their positions and fit again, else write what the sensor sees into the stage file (x_min_um, x_max_um)"
-    )
-
-
 def _run_on(
     url: str,
     waveforms: Mapping[str, Waveform],
@@ -209,7 +195,7 @@ def _run_on(
     errors = {}
     for axis, one in run.of_axes():
         share = one["max_pct"]
-        if isinstance(waveforms[axis], Streamed):  # of the whole path, not of what the part goes
+        if first_s is not None or isinstance(waveforms[axis], Streamed):  # of the whole path, not of what the part goes
             share = 100 * one["max_um"] / waveforms[axis].as_asked.swing
         errors[axis] = Predicted(one["max_um"], share, one["rms_um"], first_s, begin_s)
     return OnModel(None, errors)

@@ -9,7 +9,7 @@ from dataclasses import replace
 
 from phaselead.control.gains import GainsLike, gains_in_mode, gains_of
 from phaselead.control.going_on import go_on
-from phaselead.control.held import held_sha256, held_stage, held_warning, unknown_warning
+from phaselead.control.held import held_sha256, held_stage, low_gains_warning, unknown_warning
 from phaselead.control.journal import record_open_loop, track_to_file
 from phaselead.control.kept_runs import KeptRuns
 from phaselead.control.learning import Learned, learn, load_learned
@@ -250,7 +250,7 @@ def _said_against(
 ) -> list[str]:
     """What there is to say of loop and path before anything moves. Raises BadInput for what is refused."""
     of_paths = _said_of_paths(waveforms, mode, stage, stage or held)
-    return [*held_warning(held, mode, gains), *loop_warnings(stage, mode, gains, force=force), *of_paths]
+    return [*low_gains_warning(stage, held, mode, gains), *loop_warnings(stage, mode, gains, force=force), *of_paths]
 
 
 def _said_of_paths(waveforms: Mapping[str, Waveform], mode: str, stage: Stage | None, known: Stage | None) -> list[str]:

@@ -15,7 +15,7 @@ from phaselead.control.gains import check_loop
 from phaselead.control.held import held_stage
 from phaselead.control.joins import Span, enter_from_s, enter_s, quiet_s
 from phaselead.control.modes import INVERTS, NEEDS_MODEL, USES_TABLES
-from phaselead.control.motion_limits import refuse_too_fast
+from phaselead.control.motion_limits import refuse_too_fast, rests_unseen
 from phaselead.control.path_begin import PathsToBegin, give
 from phaselead.control.path_speed import refuse_path_too_fast
 from phaselead.control.run import Run
@@ -91,7 +91,7 @@ def check_paths(waveforms: Mapping[str, Waveform], mode: str, stage: Stage | Non
 
 
 def check_path(axis: str, waveform: Waveform, mode: str, model: AxisModel) -> None:
-    """Refuses a path outside the limits, the sensor's span, the identified rectangle or what the inverse can reach."""
+    """Refuses a path outside the limits, the sensor's span, the identified rectangle or what the model can reach."""
     refuse_without_period(axis, waveform, mode)
     if mode in USES_TABLES and model.table is None:
         if inverse_refusal(model, axis) == BACKWARDS:
@@ -110,6 +110,8 @@ def check_path(axis: str, waveform: Waveform, mode: str, model: AxisModel) -> No
             raise BadInput(f"{axis}: {error}, {_beyond_tables(axis, waveform, mode, model)}") from None
     if mode in INVERTS:
         _refuse_without_inverse(axis, waveform, mode, model)
+    elif mode != "open" and inverse_refusal(model, axis) is None and rests_unseen(model) is None:
+        _refuse_beyond_reach(axis, waveform, model)
 
 
 def _beyond_tables(axis: str, waveform: Waveform, mode: str, model: AxisModel) -> str:
@@ -127,10 +129,14 @@ def _refuse_without_inverse(axis: str, waveform: Waveform, mode: str, model: Axi
     if reason is not None:
         other = ", or use mode open" if reason == BACKWARDS else "; or use mode pid"
         raise BadInput(f"{axis}: mode {mode} needs an inverse of the model: {reason}{other}")
+    _refuse_beyond_reach(axis, waveform, model)
+
+
+def _refuse_beyond_reach(axis: str, waveform: Waveform, model: AxisModel) -> None:
     low_um, high_um = compensation(model).reach_um
     if not low_um <= waveform.lowest <= waveform.highest <= high_um:
         raise BadInput(
-            f"{axis}: {waveform.lowest:g}..{waveform.highest:g} um is outside what the inverse can reach whatever the "
+            f"{axis}: {waveform.lowest:g}..{waveform.highest:g} um is outside what the model can reach whatever the "
             f"stage did before ({low_um:.4g}..{high_um:.4g} um); choose a smaller swing or another offset"
         )
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+from phaselead.device import inverse_refusal
 from phaselead.model import Stage
 from phaselead.result import Result, Table, pairs_table
 
@@ -30,3 +31,15 @@ class Upload(Result):
 
     def tables(self) -> list[Table | str]:
         return [pairs_table({"model": self.model.name} | self.as_dict())]
+
+
+def without_inverse(stage: Stage) -> list[str]:
+    """One line for each axis that the device holds no inverse of, with the reason, and for each it knows by its limits
+    alone."""
+    found = []
+    for name, model in stage.axes.items():
+        if model.time is None and model.table is None:
+            found.append(f"axis {name}: limits and calibration alone, so that modes with a model are refused")
+        elif model.time is not None and (why := inverse_refusal(model, name)) is not None:
+            found.append(f"axis {name}: uploaded without an inverse of its model: {why}")
+    return found
