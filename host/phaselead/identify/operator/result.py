@@ -179,10 +179,11 @@ def effective_rows(residual: Samples) -> float:
 
 
 def apart_from(columns: Samples, before: Samples, left: Samples) -> Samples:
-    """Columns (rows, k), about their means, without their part along others: what had gone on before a record.
+    """Columns (rows, k) about their means, less what goes with the columns ``before`` (rows, m), which is what had gone
+    on before a record began.
 
-    ``before`` (rows, m): each of them an amount with a deviation of 1 beforehand, told as surely as the residual
-    ``left`` (rows,) allows.
+    Least squares, where each amount of ``before`` has a normal prior of deviation 1 (a ridge) and the error is ``left``
+    (rows,), the residual whose independent rows say how surely the amounts are told.
     """
     columns, before = columns - columns.mean(axis=0), before - before.mean(axis=0)
     told = before.T @ before + float(np.var(left)) * len(left) / effective_rows(left) * np.eye(before.shape[1])

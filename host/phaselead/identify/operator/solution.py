@@ -46,7 +46,7 @@ EXACT = 1e-9
 PART_PAYS = 0.9
 """A mode, a memory that fades, or a bend of the field, stays in when it leaves less than this share of the squared
 residual without it."""
-MODE_SHARE, MODE_ZETA = (-2.0, 2.0), (0.002, 0.5)
+SHARE_RANGE, ZETA_RANGE = (-2.0, 2.0), (0.002, 0.5)
 """Ranges of the share of the motion and of the damping of a mode, as in the catalogue of effects."""
 MOST_MOVED = 1.65
 """Factor in frequency between where the records showed a mode and where it is fitted. A response known to 5 % tells it
@@ -290,7 +290,7 @@ def strayed(modes: tuple[Mode, ...], began: tuple[Mode, ...]) -> int | None:
     moved = [abs(float(np.log(mode[1] / first[1]))) for mode, first in zip(modes, began, strict=True)]
     if moved and max(moved) > np.log(MOST_MOVED):
         return int(np.argmax(moved))
-    highest = MODE_ZETA[1]
+    highest = ZETA_RANGE[1]
     went = [first[2] < highest <= mode[2] * (1 + MODE_STEP) for mode, first in zip(modes, began, strict=True)]
     return went.index(True) if len(modes) > 1 and True in went else None
 
@@ -300,8 +300,8 @@ def _reach(modes: tuple[Mode, ...], highest_Hz: float, whole: bool) -> tuple[Sam
     low, high = [], []
     for c, f_Hz, zeta in modes:
         at = np.array([c, np.log(f_Hz), np.log(zeta)])
-        shares = (c, c) if whole and len(modes) == 1 else MODE_SHARE
-        box = np.array([shares, (-np.inf, np.log(max(highest_Hz, f_Hz))), np.log(MODE_ZETA)])
+        shares = (c, c) if whole and len(modes) == 1 else SHARE_RANGE
+        box = np.array([shares, (-np.inf, np.log(max(highest_Hz, f_Hz))), np.log(ZETA_RANGE)])
         low.append(np.clip(box[:, 0] - at, -np.array(MODE_REACH), 0.0))
         high.append(np.clip(box[:, 1] - at, 0.0, np.array(MODE_REACH)))
     return np.array(low).reshape(-1), np.array(high).reshape(-1)
