@@ -221,6 +221,13 @@ def test_metres_are_doubted_as_nanometres_are(run, tmp_path):
         assert "factor" in outcome.out + outcome.err
 
 
+def test_millivolts_are_doubted(run, tmp_path):
+    """The line only asked for limits."""
+    path = write(tmp_path / "record.csv", sine_rows() * (1, 1e3, 1))
+    outcome = run("fit", path, "-o", tmp_path / "s.toml")
+    assert "is it in millivolts? Map it with its factor, u_V=COLUMN*1e-3" in outcome.out + outcome.err
+
+
 def test_a_picture_is_no_file_of_columns(run, tmp_path):
     """Its bytes were quoted."""
     path = tmp_path / "error.png"

@@ -12,6 +12,8 @@ from phaselead.record.recording import Recording
 
 MOST_TRAVEL_um = 1e4
 """Five times what the longest flexure stages of piezo makers move (PI P-629: 1.8 mm)."""
+MOST_SPAN_V = 3e3
+"""Three times what high-voltage stacks take (0..1000 V)."""
 
 ROUGHER = 1.5
 """Times, in fourth differences, of which slow motion has next to nothing: of a multisine both columns have alike, the
@@ -62,6 +64,11 @@ def doubts_about(recording: Recording) -> list[str]:
             found.append(
                 f"{recording.source}: axis {axis} moves by {travel_um:.3g} um, less than a nanometre: is it in metres? "
                 "Map it with its factor, x_um=COLUMN*1e6"
+            )
+        if u_V is not None and (span_V := float(np.ptp(u_V))) > MOST_SPAN_V:
+            found.append(
+                f"{recording.source}: axis {axis} is driven over {span_V:.4g} V, which no piezo stage stands: is it in "
+                "millivolts? Map it with its factor, u_V=COLUMN*1e-3"
             )
         if u_V is not None and x_um is not None and record.r_um is None and seem_exchanged(u_V, x_um):
             found.append(
