@@ -34,12 +34,6 @@ class Upload(Result):
 
 
 def without_inverse(stage: Stage) -> list[str]:
-    """One line for each axis that the device holds no inverse of, with the reason, and for each it knows by its limits
-    alone."""
-    found = []
-    for name, model in stage.axes.items():
-        if model.time is None and model.table is None:
-            found.append(f"axis {name}: limits and calibration alone, so that modes with a model are refused")
-        elif model.time is not None and (why := inverse_refusal(model, name)) is not None:
-            found.append(f"axis {name}: uploaded without an inverse of its model: {why}")
-    return found
+    """One line for each axis with a time view that the device holds no inverse of, with the reason."""
+    refused = ((name, inverse_refusal(model, name)) for name, model in stage.axes.items() if model.time is not None)
+    return [f"axis {name}: uploaded without an inverse of its model: {why}" for name, why in refused if why is not None]
