@@ -203,8 +203,8 @@ class Controller(Runs, Tunes, Supervision):
         ``model`` is a stage, the result of a fit or a stage file's name. ``persist`` also writes it to flash, so that
         it survives a power cycle. Raises BadInput for a coefficient the device's formats cannot hold, and for gains of
         the model's own whose loop has a peak sensitivity above 6, unless ``force``; above 3 it warns, as it does where
-        the model asks for more than the device's hard limits: the tighter of both hold. It warns as well
-        of axes that the device holds no inverse of, and says why.
+        the model asks for more than the device's hard limits: the tighter of both hold. It
+        warns as well of axes that the device holds no inverse of, and says why.
         """
         stage = as_stage(model)
         for line in own_loop_warnings(stage, force=force):

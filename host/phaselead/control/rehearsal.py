@@ -195,8 +195,9 @@ def _run_on(
     errors = {}
     for axis, one in run.of_axes():
         share = one["max_pct"]
-        if first_s is not None or isinstance(waveforms[axis], Streamed):  # of the whole path, not of what the part goes
-            share = 100 * one["max_um"] / waveforms[axis].as_asked.swing
+        wave = waveforms[axis]
+        if isinstance(wave, Streamed) or (wave.periodic and first_s is not None):  # of the whole path, not of its part
+            share = 100 * one["max_um"] / wave.as_asked.swing
         errors[axis] = Predicted(one["max_um"], share, one["rms_um"], first_s, begin_s)
     return OnModel(None, errors)
 

@@ -49,8 +49,8 @@ residual without it."""
 SHARE_RANGE, ZETA_RANGE = (-2.0, 2.0), (0.002, 0.5)
 """Ranges of the share of the motion and of the damping of a mode, as in the catalogue of effects."""
 MOST_MOVED = 1.65
-"""Factor in frequency between where the records showed a mode and where it is fitted. A response known to 5 % tells it
-to a few per cent; what runs away to creep ends a factor of three and more below."""
+"""Factor in frequency between where the records showed a mode and where it is fitted: about what ten steps of one
+search may go. Chosen, with stages in sight whose creep drew a mode down by a factor of three and more."""
 MODE_REACH = (0.3, 0.05, 0.7)
 """Largest change of a mode in one step: of its share, and of the logarithms of its frequency and its damping."""
 FIRST_OF_RATE = 0.9
