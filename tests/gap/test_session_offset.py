@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -75,6 +76,30 @@ def test_scatter_is_neither(seed):
 def test_a_shift_of_driven_records_alone_is_another_answer_and_no_other_zero():
     parts = [[replace(r, mean_um=0.0) if r.idle else r for r in part] for part in records(1.0, 0.0, 0.001, 0)]
     assert best_explained(session_shifts(*parts)) == ()
+
+
+@pytest.mark.parametrize(("share", "drifts"), [(1.0, True), (0.3, True), (0.0, False), (-0.5, False)])
+@pytest.mark.parametrize("sign", [-1, 1])
+def test_a_drift_goes_on_in_a_record_at_rest(share, drifts, sign):
+    """A leak that had charged the stage wears off there: its means had gone as those of a drift."""
+    rate_um_per_s = 0.1 * sign
+    told = {"seconds": 10.0, "moved_um": share * 10.0 * rate_um_per_s, "moved_std_um": 0.01}
+    parts = [[replace(r, **told) if r.idle and i else r for r in part]
+             for i, part in enumerate(records(0.0, rate_um_per_s, 0.05, 2))]  # fmt: skip
+    assert best_explained(session_shifts(*parts)) == (("thermal_drift",) if drifts else ())
+    unsure = [[replace(r, moved_std_um=1.0) for r in part] for part in parts]
+    assert best_explained(session_shifts(*unsure)) == ("thermal_drift",)
+
+
+@given(st.integers(0, 10**6), st.floats(-0.1, 0.1), st.floats(0.0, 1000.0))
+def test_how_far_a_record_moved_is_told_with_its_error(seed, rate_um_per_s, began_s):
+    t_s = began_s + np.arange(4000) / 200
+    noise = np.random.default_rng(seed).normal(size=4000)
+    told = RecordOffset.of(t_s, 3.0 + rate_um_per_s * (t_s - began_s) + noise, True)
+    assert told.seconds == pytest.approx(t_s[-1] - t_s[0])
+    assert 0.5 < told.moved_std_um / np.sqrt(12 / 4000) < 2
+    assert abs(told.moved_um - rate_um_per_s * told.seconds) < 6 * told.moved_std_um
+    assert told.may_drift_at(rate_um_per_s)
 
 
 def test_a_step_seen_only_once_may_be_either():

@@ -24,7 +24,13 @@ from phaselead.gap.findings import (
     Trace,
 )
 from phaselead.gap.floor import floor_of
-from phaselead.gap.goodness_of_fit import FinalFit, final_fit, more_than_equations_miss, too_little_described
+from phaselead.gap.goodness_of_fit import (
+    FinalFit,
+    final_fit,
+    more_left_than_equations_miss,
+    more_than_equations_miss,
+    too_little_described,
+)
 from phaselead.gap.locate import rank_cells
 from phaselead.gap.posterior import Claim
 from phaselead.gap.provisional import nearest_that_pays
@@ -113,7 +119,7 @@ def search_axis(
     final = final_fit(selection, runs, floor)
     claimed = _claimed(selection, final)
     other = find_voltage_independent(axis, final, effects, _names(claimed.named, claimed.ties))
-    left = _left_by(claimed, final)
+    left = _left_by(claimed, final, sum(one.share for one in other.named) * final.gap.before**2)
     vouched = _without_claims(claimed) if left.too_much else claimed
     named, ties = [*vouched.named, *other.named], [*vouched.ties, *other.ties]
     taken = _names(named, ties)
@@ -147,7 +153,7 @@ def search_axis(
         candidates=list(vouched.selection.candidates),
         traces=final.traces(),
         spectra=other.spectra,
-        messages=[*vouched.messages, *other.messages, *_if_further_off(final)],
+        messages=[*vouched.messages, *left.messages, *other.messages, *_if_further_off(final)],
         adopted=kept,
         detectable=_detectable(selection, candidates),
         unexplained=left.unexplained,
@@ -210,10 +216,12 @@ class _Remainder:
     """Whether that is more than the equations of what is claimed may miss."""
     too_much: bool = False
     """Whether it is so much that these equations do not bear their names."""
+    messages: Sequence[str] = ()
+    """For a person."""
 
 
-def _left_by(claimed: _Claimed, final: FinalFit) -> _Remainder:
-    """What is left beside the claims."""
+def _left_by(claimed: _Claimed, final: FinalFit, disturbances_um2: float) -> _Remainder:
+    """What is left beside the claims, and disturbances of this power."""
     anything = bool(claimed.named or claimed.ties)
     reference = final.residuals("reference")
     # Beside a name, that something more is there is a claim too.
@@ -222,9 +230,20 @@ def _left_by(claimed: _Claimed, final: FinalFit) -> _Remainder:
     if anything and too_little_described(left, gap):
         return _Remainder(left, beyond_equations=True, too_much=True)
     if anything and reference:
-        beyond = more_than_equations_miss(left, gap)
-        return _Remainder(replace(left, of_equations=left.something_missing and not beyond), beyond)
+        much_left = more_left_than_equations_miss(gap, disturbances_um2)
+        beyond = much_left or more_than_equations_miss(left, gap)
+        left = replace(left, of_equations=left.something_missing and not beyond)
+        return _Remainder(left, beyond, messages=[_much_left(claimed, gap)] if much_left else [])
     return _Remainder(left, left.something_missing)
+
+
+def _much_left(claimed: _Claimed, gap: GapSize) -> str:
+    """What to say where more is left than the equations of the names may miss."""
+    names = " and ".join(sorted(_names(claimed.named, claimed.ties)))
+    return (
+        f"{gap.after:.3g} um is left of the held-out records and {gap.floor:.3g} um of the reference records, about "
+        f"their means: more than what is described as {names} may miss, so something else is there"
+    )
 
 
 def _without_claims(claimed: _Claimed) -> _Claimed:

@@ -65,8 +65,7 @@ class FinalFit:
     @property
     def unexplained_um(self) -> float:
         """RMS that is left of the held-out records beyond the floor, where it is clearly above that."""
-        after, floor = self.gap.after, self.gap.floor
-        return math.sqrt(after**2 - floor**2) if after >= CLEARLY_ABOVE_FLOOR * floor else 0.0
+        return math.sqrt(_clearly_left_um2(self.gap))
 
     def residuals(self, role: Role) -> list[RunResidual]:
         """Residuals of the final model, about their means. The reference records are without the effects."""
@@ -113,7 +112,7 @@ class FinalFit:
         """Mean residual of the final model per run. The reference records are without the effects."""
         entries = () if role == "reference" else self.entries
         return [
-            RecordOffset(float(t.run.t_s[t.run.rows].mean()), float(t.error(entries).mean()), t.run.idle)
+            RecordOffset.of(t.run.t_s[t.run.rows], t.error(entries), t.run.idle)
             for t in self.after
             if t.run.role == role
         ]
@@ -206,6 +205,19 @@ def more_than_equations_miss(left: Unexplained, gap: GapSize) -> bool:
     gap before, and the names stay: then something is there beside them."""
     explained_um2 = max(gap.before**2 - gap.after**2, 0.0)
     return left.something_missing and left.share * gap.after**2 > MOST_MISSED**2 * explained_um2
+
+
+def more_left_than_equations_miss(gap: GapSize, disturbances_um2: float) -> bool:
+    """Whether more is left of the held-out records, beyond the floor and what disturbances add, than the equations of
+    the names may miss of what these explain, whether a generic model learns it from the training records or not: these
+    may have been in another state. The floor is what the model leaves of reference records."""
+    explained_um2 = max(gap.before**2 - gap.after**2, 0.0)
+    return _clearly_left_um2(gap) - disturbances_um2 > MOST_MISSED**2 * explained_um2
+
+
+def _clearly_left_um2(gap: GapSize) -> float:
+    """Power that is left of the held-out records beyond the floor; 0 where that is not clearly more."""
+    return gap.after**2 - gap.floor**2 if gap.after >= CLEARLY_ABOVE_FLOOR * gap.floor else 0.0
 
 
 def too_little_described(left: Unexplained, gap: GapSize) -> bool:

@@ -14,6 +14,7 @@ import numpy as np
 from scipy.stats import t as t_distribution
 
 from phaselead.gap.error_rates import ERROR_RATE, FOUND
+from phaselead.identify import effective_rows
 from phaselead.model import catalogue
 from phaselead.record import Samples
 
@@ -23,6 +24,9 @@ DISTINCT = 2.0
 """Ratio of squared residuals from which a step and a drift can be told apart."""
 AT_REST = 0.2
 """Share of the shift by which records at rest may differ from it."""
+SLOWEST = 0.15
+"""Share of its mean rate at which a drift goes on at least in a record at rest: a stage that warms up is as slow after
+three time constants, when 95 % of it are over."""
 FEWEST = 3
 """Driven records of a session from which its scatter can be told."""
 
@@ -34,6 +38,28 @@ class RecordOffset:
     t_s: float
     mean_um: float
     idle: bool = False
+    seconds: float = 0.0
+    """How long it is."""
+    moved_um: float = 0.0
+    """By how much its residual goes up from its begin to its end, along a straight line."""
+    moved_std_um: float = 0.0
+    """How surely that is told."""
+
+    @classmethod
+    def of(cls, t_s: Samples, error_um: Samples, idle: bool) -> RecordOffset:
+        """Of a record's times and residual, (n,) each."""
+        seconds, about = float(t_s[-1] - t_s[0]), t_s - t_s.mean()
+        squares = max(float(about @ about), 1e-30)
+        slope = float(about @ error_um) / squares
+        left = error_um - error_um.mean() - slope * about
+        std = float(np.sqrt(np.mean(left**2) * len(left) / effective_rows(left) / squares))
+        return cls(float(t_s.mean()), float(error_um.mean()), idle, seconds, slope * seconds, std * seconds)
+
+    def may_drift_at(self, rate_um_per_s: float) -> bool:
+        """Whether it moves as a drift of this mean rate may move it."""
+        expected = rate_um_per_s * self.seconds
+        along = self.moved_um if expected >= 0 else -self.moved_um
+        return along + 3 * self.moved_std_um >= SLOWEST * abs(expected)
 
 
 Course = Callable[[RecordOffset], float]
@@ -83,8 +109,10 @@ def session_shifts(
     found[drift] = alone
     if beyond.chance < ERROR_RATE and not (alone.sure and alone.left_um2 <= DISTINCT * beyond.left_um2):
         # Not a step alone; which of the two there is, or both, only a sure drift tells.
-        found[step] = replace(found[step], sure=found[step].sure and not beyond.sure)
-        sure = alone.sure or found[step].sure or beyond.sure
+        goes_on = all(r.may_drift_at(beyond.amount) for r in at_rest[1])
+        stepped = found[step].sure and goes_on
+        found[step] = replace(found[step], sure=stepped and not beyond.sure)
+        sure = goes_on and (alone.sure or stepped or beyond.sure)
         found[drift] = replace(beyond, sure=sure, left_um2=found[step].left_um2)
     return found
 
@@ -110,7 +138,8 @@ def _shift(
 ) -> Shift:
     """The shift of ``later`` records against those ``before``: a drift from ``began_s`` on, or a step where None.
 
-    ``at_rest`` are the records at rest before and later. ``beyond_step``: the drift beside a step of any size.
+    ``at_rest`` are the records at rest before and later: they stand off as far, and a drift goes on in them.
+    ``beyond_step``: the drift beside a step of any size.
     """
     columns: list[Course] = [_stepped if began_s is None else _drifted(began_s), *([_stepped] if beyond_step else [])]
     amounts, error, scatter, p = _fitted(before, later, columns)
@@ -123,6 +152,8 @@ def _shift(
         < np.hypot(AT_REST * e, 3 * scatter)
         for r in at_rest[1]
     )
+    if began_s is not None:
+        seen_at_rest = seen_at_rest and all(r.may_drift_at(amounts[0]) for r in at_rest[1])
     found_again = p_again < ERROR_RATE and amounts[0] * again[0] > 0
     sure = seen_at_rest and p < FOUND and found_again and reach > LEAST_SHIFT * max(scatter, unexplained_um)
     freedom = max(len(before) + len(later) - 1 - len(columns), 1)
