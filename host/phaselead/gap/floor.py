@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -12,7 +13,7 @@ from scipy.linalg import pinvh
 from phaselead.gap.noise import Noise, as_idle, fit_noise
 from phaselead.gap.posterior import Contest
 from phaselead.gap.regressors import rich_columns
-from phaselead.gap.residual import ModelledRun
+from phaselead.gap.residual import ModelledRun, power_um2
 from phaselead.record import Samples
 
 SAME_SHARE = 1e-10
@@ -36,15 +37,10 @@ def floor_of(contest: Contest) -> Floor:
     references = [run for run in runs if run.run.role == "reference"]
     if not references:
         left = _beyond_the_richest(contest)
-        return Floor(_noise([run for run in runs if run.run.role == "train"], left), _rms_um(left))
+        return Floor(_noise([run for run in runs if run.run.role == "train"], left), math.sqrt(power_um2(left)))
     left = [_detrended(run.error(), run) for run in references]
     noise = as_idle(_noise(references, left), [r.error() for r in runs if r.run.role != "reference" and r.run.idle])
-    return Floor(noise, _rms_um(left))
-
-
-def _rms_um(errors: Sequence[Samples]) -> float:
-    """Over all rows of some residuals (n_i,)."""
-    return float(np.sqrt(np.mean(np.concatenate(errors) ** 2)))
+    return Floor(noise, math.sqrt(power_um2(left)))
 
 
 def _noise(runs: Sequence[ModelledRun], errors: Sequence[Samples]) -> Noise:

@@ -15,7 +15,7 @@ from phaselead.gap.floor import Floor
 from phaselead.gap.parameters import SizedEffect
 from phaselead.gap.posterior import MOST_MISSED, before_record
 from phaselead.gap.records import GapRun, Role
-from phaselead.gap.residual import ModelledRun, RunResidual, modelled_run
+from phaselead.gap.residual import ModelledRun, RunResidual, modelled_run, power_um2
 from phaselead.gap.ringing import without_ringing
 from phaselead.gap.selection import Selection
 from phaselead.gap.unexplained import Unexplained
@@ -88,7 +88,7 @@ class FinalFit:
         of_base = [t.error() for t in self.before if t.run.role == "holdout"]
         before = [_about_mean(error - history) for error, (_, history) in zip(of_base, holdout, strict=True)]
         after = [left for left, _ in holdout]
-        gap = replace(self.gap, before=math.sqrt(_power(before)), after=_rms(after))
+        gap = replace(self.gap, before=math.sqrt(power_um2(before)), after=_rms(after))
         return WithoutHistory([left for left, _ in train], after, gap)
 
     def _pairs_without_history(self, role: Role) -> list[tuple[RunResidual, Samples]]:
@@ -139,14 +139,14 @@ class FinalFit:
     def share_of(self, name: str) -> float:
         """Share of the power that the base leaves of the held-out records which comes back without the effect
         ``name``."""
-        before = _power([left.error_um for left in self.residuals_before("holdout")])
-        after = _power([left.error_um for left in self.residuals("holdout")])
+        before = power_um2([left.error_um for left in self.residuals_before("holdout")])
+        after = power_um2([left.error_um for left in self.residuals("holdout")])
         entries = [entry for entry in self.entries if entry[0].name != name]
         if len(entries) == len(self.entries):  # the base took it up as plays
             alone = [t for t in self.after if t.run.role == "holdout"]
-            return max(before - _power([_about_mean(t.error()) for t in alone]), 0.0) / max(before, 1e-30)
+            return max(before - power_um2([_about_mean(t.error()) for t in alone]), 0.0) / max(before, 1e-30)
         without = [_about_mean(t.error(entries)) for t in self.after if t.run.role == "holdout"]
-        return float(np.clip((_power(without) - after) / max(before, 1e-30), 0.0, 1.0))
+        return float(np.clip((power_um2(without) - after) / max(before, 1e-30), 0.0, 1.0))
 
     def traces(self) -> list[Trace]:
         """Measured position of every held-out record, and each model's at the record's own offset."""
@@ -169,12 +169,7 @@ def _about_mean(error: Samples) -> Samples:
 
 def _rms(left: Sequence[RunResidual]) -> float:
     """In um, over all rows."""
-    return math.sqrt(_power([one.error_um for one in left]))
-
-
-def _power(errors: Sequence[Samples]) -> float:
-    """Mean square in um^2 over all rows of some residuals (n_i,)."""
-    return float(np.mean(np.concatenate(errors) ** 2))
+    return math.sqrt(power_um2([one.error_um for one in left]))
 
 
 def final_fit(selection: Selection, runs: Sequence[GapRun], floor: Floor) -> FinalFit:

@@ -260,6 +260,11 @@ def period_of(u_V: Samples) -> int | None:
     return last if float(np.mean((u[last:] - u[:-last]) ** 2)) < (1 - PERIODIC) * power else None
 
 
+def power_um2(errors: Sequence[Samples]) -> float:
+    """Mean square over all rows of some residuals (n_i,)."""
+    return float(np.mean(np.concatenate(errors) ** 2))
+
+
 @dataclass(frozen=True)
 class RunResidual:
     """The residual of one run under one model, about its own mean."""

@@ -10,6 +10,7 @@ import math
 import numpy as np
 
 from phaselead.gap.disturbances.disturbance import Residuals
+from phaselead.gap.residual import power_um2
 
 
 def largest(train: Residuals, holdout: Residuals) -> dict[str, float]:
@@ -31,4 +32,4 @@ def largest(train: Residuals, holdout: Residuals) -> dict[str, float]:
 
 
 def _rms_um(residuals: Residuals) -> float:
-    return math.sqrt(np.mean(np.concatenate([(r.error_um - r.error_um.mean()) ** 2 for r in residuals])))
+    return math.sqrt(power_um2([r.error_um - r.error_um.mean() for r in residuals]))
