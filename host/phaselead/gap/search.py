@@ -15,6 +15,7 @@ from phaselead.gap.posterior import (
     Contest,
     Fit,
     Judgement,
+    at_an_end,
     intervals,
     judge,
     likelihood_of,
@@ -82,8 +83,8 @@ def select_effects(
 def _estimated(
     contest: Contest, judgement: Judgement, open_plays: bool
 ) -> tuple[tuple[Claim, ...], tuple[SizedEffect, ...], dict[str, Mapping[str, Estimate]]]:
-    """The claims that do not harm and are of some size, their effects with the parameters that predict best, and by
-    name the interval of each parameter.
+    """The claims that do not harm, are of some size and at no end of what is known, their effects with the parameters
+    that predict best, and by name the interval of each parameter.
 
     What is adopted is learned without the held-out records, so that these may judge it. Where the base's plays move
     with every effect (``open_plays``), they say nothing before these are fitted anew.
@@ -107,8 +108,9 @@ def _estimated(
             adopted = best_of(fit)
             values = intervals(fit.entries, fit.covariance, adopted)
             shown = shows_itself(fit.entries, fit.covariance, adopted)
-            nothing = {effect.name for (effect, _), one in zip(adopted, shown, strict=True) if not one}
-            kept = tuple(claim for claim in claims if len(claim.tied) > 1 or claim.effect.name not in nothing)
+            pairs = zip(adopted, shown, strict=True)
+            no_name = {entry[0].name for entry, one in pairs if not one or at_an_end([entry])}
+            kept = tuple(claim for claim in claims if len(claim.tied) > 1 or claim.effect.name not in no_name)
             if len(kept) == len(claims):
                 return claims, adopted, {effect.name: one for (effect, _), one in zip(adopted, values, strict=True)}
         claims = kept

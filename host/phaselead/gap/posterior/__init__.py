@@ -10,7 +10,7 @@ from phaselead.gap.posterior.interval import intervals, intervals_alone, shows_i
 from phaselead.gap.posterior.likelihood import Likelihood
 from phaselead.gap.posterior.missed import MOST_MISSED, TIMES_BASE
 from phaselead.gap.posterior.priors import KNOWN_BEFORE
-from phaselead.gap.posterior.search import Contest, likelihood_of, search_sets
+from phaselead.gap.posterior.search import Contest, at_an_end, likelihood_of, search_sets
 from phaselead.gap.posterior.sets import Fit, confused, names_of
 from phaselead.gap.posterior.starts import Starts
 from phaselead.gap.posterior.verdict import MORE_LIKELY_THAN_NOT, Claim, Judgement, judge
@@ -28,6 +28,7 @@ __all__ = [
     "Judgement",
     "Likelihood",
     "Starts",
+    "at_an_end",
     "before_record",
     "confused",
     "intervals",
