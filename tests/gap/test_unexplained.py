@@ -3,8 +3,6 @@ was not written for and on noise."""
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import outsiders
 import pytest
@@ -14,7 +12,7 @@ from scipy.signal import lfilter
 
 from phaselead.gap.findings import GapSize
 from phaselead.gap.generic_model import FOLDS, columns_of, moments_of
-from phaselead.gap.goodness_of_fit import more_left_than_equations_miss, more_than_equations_miss, too_little_described
+from phaselead.gap.goodness_of_fit import more_than_equations_miss, too_little_described
 from phaselead.gap.posterior.missed import MOST_MISSED
 from phaselead.gap.records import GapRun
 from phaselead.gap.residual import RunResidual
@@ -176,17 +174,6 @@ def test_a_name_excuses_a_tenth_of_what_it_explains_not_of_the_gap(explained, be
     after_um = float(np.sqrt(1 - explained))
     left = Unexplained(min(0.05 / after_um**2, 1.0), 1e-4)
     assert more_than_equations_miss(left, GapSize(1.0, after_um, 0.1)) == beyond
-
-
-@pytest.mark.parametrize(("more", "beyond"), [(0.95, False), (1.05, True)])
-def test_what_no_model_learns_is_not_put_down_to_equations_either(more, beyond):
-    """Beyond the floor, and not what disturbances add; a floor that is half of it may be of other waveforms."""
-    explained_um, floor_um, missed_um = 1.0, 0.01, more * MOST_MISSED
-    after_um = float(np.hypot(missed_um, floor_um))
-    left = GapSize(float(np.hypot(explained_um, after_um)), after_um, floor_um)
-    assert more_left_than_equations_miss(left, 0.0) == beyond
-    assert not more_left_than_equations_miss(left, disturbances_um2=0.2 * missed_um**2)
-    assert not more_left_than_equations_miss(replace(left, floor=0.6 * after_um), 0.0)
 
 
 def test_what_may_be_chance_withdraws_no_name():

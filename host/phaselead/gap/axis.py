@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TypeVar
@@ -26,8 +27,8 @@ from phaselead.gap.findings import (
 from phaselead.gap.floor import floor_of
 from phaselead.gap.goodness_of_fit import (
     FinalFit,
+    excused_um2,
     final_fit,
-    more_left_than_equations_miss,
     more_than_equations_miss,
     too_little_described,
 )
@@ -35,7 +36,7 @@ from phaselead.gap.locate import rank_cells
 from phaselead.gap.posterior import Claim
 from phaselead.gap.provisional import nearest_that_pays
 from phaselead.gap.records import GapRun
-from phaselead.gap.scale import unlike_others, unlike_own_fit
+from phaselead.gap.scale import far_above_references_um2, unlike_others, unlike_own_fit
 from phaselead.gap.search import Progress, select_effects
 from phaselead.gap.selection import Selection
 from phaselead.gap.unexplained import WORTH_SHARE, Unexplained, unexplained
@@ -119,7 +120,7 @@ def search_axis(
     final = final_fit(selection, runs, floor)
     claimed = _claimed(selection, final)
     other = find_voltage_independent(axis, final, effects, _names(claimed.named, claimed.ties))
-    left = _left_by(claimed, final, sum(one.share for one in other.named) * final.gap.before**2)
+    left = _left_by(claimed, final, other.power_um2)
     vouched = _without_claims(claimed) if left.too_much else claimed
     named, ties = [*vouched.named, *other.named], [*vouched.ties, *other.ties]
     taken = _names(named, ties)
@@ -209,19 +210,21 @@ def _claimed(selection: Selection, final: FinalFit) -> _Claimed:
 
 @dataclass(frozen=True)
 class _Remainder:
-    """What a generic model predicts of what the final model leaves."""
+    """What the final model leaves."""
 
     unexplained: Unexplained
+    """What a generic model predicts of it."""
     beyond_equations: bool
-    """Whether that is more than the equations of what is claimed may miss."""
+    """Whether there is more than the equations of what is claimed may miss."""
     too_much: bool = False
     """Whether it is so much that these equations do not bear their names."""
     messages: Sequence[str] = ()
     """For a person."""
 
 
-def _left_by(claimed: _Claimed, final: FinalFit, disturbances_um2: float) -> _Remainder:
-    """What is left beside the claims, and disturbances of this power."""
+def _left_by(claimed: _Claimed, final: FinalFit, known_um2: float) -> _Remainder:
+    """What is left of the held-out records beside the claims, and beside what is known to have added this power to
+    them and no voltage predicts."""
     anything = bool(claimed.named or claimed.ties)
     reference = final.residuals("reference")
     # Beside a name, that something more is there is a claim too.
@@ -230,19 +233,20 @@ def _left_by(claimed: _Claimed, final: FinalFit, disturbances_um2: float) -> _Re
     if anything and too_little_described(left, gap):
         return _Remainder(left, beyond_equations=True, too_much=True)
     if anything and reference:
-        much_left = more_left_than_equations_miss(gap, disturbances_um2)
-        beyond = much_left or more_than_equations_miss(left, gap)
+        far_um2 = max(far_above_references_um2(final, clean.holdout) - known_um2, 0.0)
+        far = far_um2 > excused_um2(gap)
+        beyond = far or more_than_equations_miss(left, gap)
         left = replace(left, of_equations=left.something_missing and not beyond)
-        return _Remainder(left, beyond, messages=[_much_left(claimed, gap)] if much_left else [])
+        return _Remainder(left, beyond, messages=[_far_above(claimed, far_um2)] if far else [])
     return _Remainder(left, left.something_missing)
 
 
-def _much_left(claimed: _Claimed, gap: GapSize) -> str:
-    """What to say where more is left than the equations of the names may miss."""
-    names = " and ".join(sorted(_names(claimed.named, claimed.ties)))
+def _far_above(claimed: _Claimed, left_um2: float) -> str:
+    """What to say where far more is left than of reference records, and more than the equations of the names miss."""
+    names, left_um = " and ".join(sorted(_names(claimed.named, claimed.ties))), math.sqrt(left_um2)
     return (
-        f"{gap.after:.3g} um is left of the held-out records and {gap.floor:.3g} um of the reference records, about "
-        f"their means: more than what is described as {names} may miss, so something else is there"
+        f"beside {names} {left_um:.3g} um is left of held-out records, far more than of the reference records and more "
+        "than a tenth of the power that is explained: look where it is, something else may be there"
     )
 
 

@@ -63,9 +63,17 @@ class FinalFit:
         return sum(t.run.stop - t.run.start for t in self.after if t.run.role == "holdout")
 
     @property
+    def spread_s2(self) -> float:
+        """Mean square of the times of held-out rows about the middle of their records."""
+        return power_um2(
+            [(t := run.run.t_s[run.run.rows]) - t.mean() for run in self.after if run.run.role == "holdout"]
+        )
+
+    @property
     def unexplained_um(self) -> float:
         """RMS that is left of the held-out records beyond the floor, where it is clearly above that."""
-        return math.sqrt(_clearly_left_um2(self.gap))
+        after, floor = self.gap.after, self.gap.floor
+        return math.sqrt(after**2 - floor**2) if after >= CLEARLY_ABOVE_FLOOR * floor else 0.0
 
     def residuals(self, role: Role) -> list[RunResidual]:
         """Residuals of the final model, about their means. The reference records are without the effects."""
@@ -194,25 +202,16 @@ def _gap(final: FinalFit) -> GapSize:
     return GapSize.below(before, after, final.richest_um, OF_THE_RICHEST)
 
 
+def excused_um2(gap: GapSize) -> float:
+    """Power in um^2 that equations of names may miss of what these explain of the held-out records."""
+    return MOST_MISSED**2 * max(gap.before**2 - gap.after**2, 0.0)
+
+
 def more_than_equations_miss(left: Unexplained, gap: GapSize) -> bool:
     """Whether more can be predicted from the voltage beside names than their equations may miss of what these explain
     of the held-out records. Unlike ``too_little_described`` it asks about a share of what the names explain, not of the
     gap before, and the names stay: then something is there beside them."""
-    explained_um2 = max(gap.before**2 - gap.after**2, 0.0)
-    return left.something_missing and left.share * gap.after**2 > MOST_MISSED**2 * explained_um2
-
-
-def more_left_than_equations_miss(gap: GapSize, disturbances_um2: float) -> bool:
-    """Whether more is left of the held-out records, beyond the floor and what disturbances add, than the equations of
-    the names may miss of what these explain, whether a generic model learns it from the training records or not: these
-    may have been in another state. The floor is what the model leaves of reference records."""
-    explained_um2 = max(gap.before**2 - gap.after**2, 0.0)
-    return _clearly_left_um2(gap) - disturbances_um2 > MOST_MISSED**2 * explained_um2
-
-
-def _clearly_left_um2(gap: GapSize) -> float:
-    """Power that is left of the held-out records beyond the floor; 0 where that is not clearly more."""
-    return gap.after**2 - gap.floor**2 if gap.after >= CLEARLY_ABOVE_FLOOR * gap.floor else 0.0
+    return left.something_missing and left.share * gap.after**2 > excused_um2(gap)
 
 
 def too_little_described(left: Unexplained, gap: GapSize) -> bool:

@@ -10,7 +10,7 @@ from phaselead.errors import BadInput, more_like_it
 from phaselead.gap.goodness_of_fit import FinalFit
 from phaselead.gap.posterior import TIMES_BASE
 from phaselead.gap.records import GapRun, Role
-from phaselead.gap.residual import modelled_run
+from phaselead.gap.residual import RunResidual, modelled_run
 from phaselead.model import Stage, out_of_scale, range_um, scale_doubt
 from phaselead.quantity import digits
 from phaselead.record import Samples, factors_moved, in_another_unit, seem_exchanged, slow_gain, unit_remedy
@@ -63,12 +63,24 @@ def unlike_others(final: FinalFit) -> list[str]:
     """One line for the held-out records, and beside reference records one for the training records, where the model
     with what was found leaves far more of one of them than of any record of the other roles: what moved the stage then
     is in none of these. Without reference records the training records may be the only ones that are quick."""
-    left = {role: _left_of_each(final, role) for role in ROLES}
+    left = {role: _left_of_each(final.residuals(role)) for role in ROLES}
     found = []
     for role in ("train", "holdout") if left["reference"] else ("holdout",):
         others = [one for other, of_role in left.items() if other != role for _, one in of_role]
         found += _unlike(left[role], others) if others else []
     return found
+
+
+def far_above_references_um2(final: FinalFit, holdout: Sequence[RunResidual]) -> float:
+    """Mean square over all rows of what the final model leaves of held-out records, of those of which it leaves far
+    more than of any reference record; 0 where there are none."""
+    known = [one for _, one in _left_of_each(final.residuals("reference"))]
+    if not known:
+        return 0.0
+    share, um = (max(one[i] for one in known) for i in (0, 1))
+    rows = sum(len(r.error_um) for r in holdout)
+    far = [r for r in holdout for _, one in _left_of_each([r]) if _is_far(one, share, um)]
+    return sum(float(np.sum(r.error_um**2)) for r in far) / rows
 
 
 def unlike_own_fit(final: FinalFit) -> list[str]:
@@ -81,7 +93,7 @@ def unlike_own_fit(final: FinalFit) -> list[str]:
     if not um:
         return []
     share = um / (range_um(base) / np.sqrt(8))  # rms of a sine over the range
-    far = [(name, one) for name, one in _left_of_each(final, "holdout") if _is_far(one, share, um)]
+    far = [(name, one) for name, one in _left_of_each(final.residuals("holdout")) if _is_far(one, share, um)]
     if not far:
         return []
     name, (most, most_um) = max(far, key=lambda pair: pair[1][0])
@@ -111,10 +123,10 @@ def _unlike(records: Sequence[_LeftOfRecord], others: Sequence[tuple[float, floa
     ]
 
 
-def _left_of_each(final: FinalFit, role: Role) -> list[_LeftOfRecord]:
-    """Name of every driven record of a role, and ``_left`` of it by the model with what was found."""
+def _left_of_each(residuals: Sequence[RunResidual]) -> list[_LeftOfRecord]:
+    """Name of every driven record, and ``_left`` of it by the model of which these are the residuals."""
     found = []
-    for residual in final.residuals(role):
+    for residual in residuals:
         run, x = residual.run, residual.run.x_um[residual.run.rows]
         one = _left([(run, x - residual.error_um, x)]) if run.driven_well else None
         if one is not None:

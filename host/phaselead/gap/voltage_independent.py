@@ -18,7 +18,7 @@ from phaselead.gap.disturbances import (
 from phaselead.gap.error_rates import ERROR_RATE, FOUND_AGAIN
 from phaselead.gap.findings import Bound, NamedEffect, Spectrum
 from phaselead.gap.goodness_of_fit import FinalFit
-from phaselead.model import Effect
+from phaselead.model import Effect, catalogue
 
 _OF_DISTURBANCE, _OF_SHIFT = 1 - FOUND_AGAIN, 1 - ERROR_RATE
 """Probability that what one test has found is there: all but its false alarms."""
@@ -39,6 +39,8 @@ class VoltageIndependent:
     """Whether there are records that could show a zero that moved."""
     spectra: list[Spectrum]
     messages: list[str]
+    power_um2: float
+    """That it adds to the held-out records, each about its mean."""
 
 
 def find_voltage_independent(
@@ -59,7 +61,8 @@ def find_voltage_independent(
         untested={**untested, **hidden},
         zero_tested=zero.tested,
         spectra=disturbance_spectra(found, residuals[1], residuals[2], axis),
-        messages=left_out,
+        messages=[*left_out, *zero.messages],
+        power_um2=sum(one.power_um2 for one in found) + zero.power_um2,
     )
 
 
@@ -74,6 +77,9 @@ class _MovedZero:
     excluded: Sequence[Bound] = ()
     unknown: bool = False
     """Whether it moved as no effect allowed explains."""
+    messages: Sequence[str] = ()
+    power_um2: float = 0.0
+    """That a drift adds to the held-out records, each about its mean."""
 
 
 def _moved_zero(final: FinalFit, effects: Sequence[Effect], claimed: set[str]) -> _MovedZero:
@@ -83,6 +89,7 @@ def _moved_zero(final: FinalFit, effects: Sequence[Effect], claimed: set[str]) -
     # What is slow and was named may shift the records as well.
     slow = any(effect.slow and effect.name in claimed for effect in effects)
     shifted = () if slow else best_explained(shifts)
+    refuted = [] if slow or shifted else [name for name, shift in shifts.items() if shift.refuted]
     allowed = {effect.name: effect for effect in effects if effect.name not in claimed}
     explained = set(shifted) <= set(allowed)
     named = [_shifted(allowed[name], shifts[name]) for name in shifted] if explained else []
@@ -91,9 +98,25 @@ def _moved_zero(final: FinalFit, effects: Sequence[Effect], claimed: set[str]) -
         for name, effect in allowed.items()
         if effect.moves_zero == "at once" and name in shifts and name not in {one.name for one in named}
     ]
-    if len(named) > 1:
-        return _MovedZero(bool(shifts), ties=[shifted], excluded=excluded)
-    return _MovedZero(bool(shifts), named, (), excluded, bool(shifted) and not explained)
+    rates = [shifts[name].amount for name in shifted if explained and allowed[name].moves_zero == "steadily"]
+    return _MovedZero(
+        tested=bool(shifts),
+        named=named if len(named) == 1 else (),
+        ties=[shifted] if len(named) > 1 else (),
+        excluded=excluded,
+        unknown=bool(refuted) or (bool(shifted) and not explained),
+        messages=[_moved_back(name, shifts[name]) for name in refuted],
+        power_um2=sum(rate**2 for rate in rates) * final.spread_s2,
+    )
+
+
+def _moved_back(name: str, shift: Shift) -> str:
+    """What to say of a shift that records at rest refute."""
+    unit = catalogue()[name].sizes[0].unit
+    return (
+        f"records stand off from the reference session as if by a {name} of {shift.amount:.4g} {unit}, but those at "
+        "rest move back: what moved them is not known"
+    )
 
 
 def _shifted(effect: Effect, shift: Shift) -> NamedEffect:

@@ -7,6 +7,7 @@ records go on to drift is no name for itself: a quick warming begins like one.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -23,43 +24,39 @@ LEAST_SHIFT = 5.0
 DISTINCT = 2.0
 """Ratio of squared residuals from which a step and a drift can be told apart."""
 AT_REST = 0.2
-"""Share of the shift by which records at rest may differ from it."""
-SLOWEST = 0.15
-"""Share of its mean rate at which a drift goes on at least in a record at rest: a stage that warms up is as slow after
-three time constants, when 95 % of it are over."""
+"""Share of the shift by which records at rest may differ from it, and of a drift at which they may move back."""
 FEWEST = 3
 """Driven records of a session from which its scatter can be told."""
 
 
 @dataclass(frozen=True)
 class RecordOffset:
-    """Mean residual (um) of one record, at the middle of its time; ``idle`` where nothing was driven."""
+    """Where one record stands: its mean residual (um), at the middle of its time; ``idle`` where nothing was driven."""
 
     t_s: float
     mean_um: float
     idle: bool = False
-    seconds: float = 0.0
-    """How long it is."""
-    moved_um: float = 0.0
-    """By how much its residual goes up from its begin to its end, along a straight line."""
-    moved_std_um: float = 0.0
-    """How surely that is told."""
+    rate_um_per_s: float = 0.0
+    """At which its residual moves, along a straight line."""
+    rate_std_um_per_s: float = math.inf
+    """Standard error of that; infinite where it is not known."""
 
     @classmethod
     def of(cls, t_s: Samples, error_um: Samples, idle: bool) -> RecordOffset:
-        """Of a record's times and residual, (n,) each."""
-        seconds, about = float(t_s[-1] - t_s[0]), t_s - t_s.mean()
-        squares = max(float(about @ about), 1e-30)
-        slope = float(about @ error_um) / squares
-        left = error_um - error_um.mean() - slope * about
-        std = float(np.sqrt(np.mean(left**2) * len(left) / effective_rows(left) / squares))
-        return cls(float(t_s.mean()), float(error_um.mean()), idle, seconds, slope * seconds, std * seconds)
+        """Of a record's times and residual, (n,) each, of four rows at least."""
+        rate, std = _rate(t_s, error_um)
+        half = len(t_s) // 2
+        first, last = (_rate(t_s[part], error_um[part])[0] for part in (slice(None, half), slice(half, None)))
+        # Slow noise looks like a straight line, and not like the same one in both halves.
+        return cls(float(t_s.mean()), float(error_um.mean()), idle, rate, math.hypot(std, (last - first) / 2))
 
-    def may_drift_at(self, rate_um_per_s: float) -> bool:
-        """Whether it moves as a drift of this mean rate may move it."""
-        expected = rate_um_per_s * self.seconds
-        along = self.moved_um if expected >= 0 else -self.moved_um
-        return along + 3 * self.moved_std_um >= SLOWEST * abs(expected)
+
+def _rate(t_s: Samples, error_um: Samples) -> tuple[float, float]:
+    """Slope of a straight line through a residual (n,) in um/s, and its standard error where noise is quick."""
+    about = t_s - t_s.mean()
+    rate = float(about @ error_um / (about @ about))
+    left = error_um - error_um.mean() - rate * about
+    return rate, float(np.sqrt(np.mean(left**2) * len(left) / effective_rows(left) / (about @ about)))
 
 
 Course = Callable[[RecordOffset], float]
@@ -78,6 +75,8 @@ class Shift:
     """Sum of squares that remains of the offsets."""
     chance: float
     """Probability of as much by chance."""
+    refuted: bool = False
+    """Whether it would be sure, but records at rest move back."""
 
 
 def session_shifts(
@@ -109,10 +108,9 @@ def session_shifts(
     found[drift] = alone
     if beyond.chance < ERROR_RATE and not (alone.sure and alone.left_um2 <= DISTINCT * beyond.left_um2):
         # Not a step alone; which of the two there is, or both, only a sure drift tells.
-        goes_on = all(r.may_drift_at(beyond.amount) for r in at_rest[1])
-        stepped = found[step].sure and goes_on
-        found[step] = replace(found[step], sure=stepped and not beyond.sure)
-        sure = goes_on and (alone.sure or stepped or beyond.sure)
+        back, stepped = _moves_back(beyond.amount, at_rest), found[step].sure
+        sure = (alone.sure or stepped or beyond.sure) and not back
+        found[step] = replace(found[step], sure=stepped and not (beyond.sure or back), refuted=stepped and back)
         found[drift] = replace(beyond, sure=sure, left_um2=found[step].left_um2)
     return found
 
@@ -138,8 +136,8 @@ def _shift(
 ) -> Shift:
     """The shift of ``later`` records against those ``before``: a drift from ``began_s`` on, or a step where None.
 
-    ``at_rest`` are the records at rest before and later: they stand off as far, and a drift goes on in them.
-    ``beyond_step``: the drift beside a step of any size.
+    ``at_rest`` are the records at rest before and later, which must stand off as far, and must not move back where it
+    is a drift. ``beyond_step``: the drift beside a step of any size.
     """
     columns: list[Course] = [_stepped if began_s is None else _drifted(began_s), *([_stepped] if beyond_step else [])]
     amounts, error, scatter, p = _fitted(before, later, columns)
@@ -152,13 +150,23 @@ def _shift(
         < np.hypot(AT_REST * e, 3 * scatter)
         for r in at_rest[1]
     )
-    if began_s is not None:
-        seen_at_rest = seen_at_rest and all(r.may_drift_at(amounts[0]) for r in at_rest[1])
     found_again = p_again < ERROR_RATE and amounts[0] * again[0] > 0
     sure = seen_at_rest and p < FOUND and found_again and reach > LEAST_SHIFT * max(scatter, unexplained_um)
     freedom = max(len(before) + len(later) - 1 - len(columns), 1)
     half = float(t_distribution.isf(0.025, freedom)) * error
-    return Shift(amounts[0], half, bool(sure), scatter**2 * freedom, p)
+    back = began_s is not None and _moves_back(amounts[0], at_rest)
+    return Shift(amounts[0], half, bool(sure and not back), scatter**2 * freedom, p, bool(sure and back))
+
+
+def _moves_back(rate_um_per_s: float, at_rest: tuple[Sequence[RecordOffset], Sequence[RecordOffset]]) -> bool:
+    """Whether later records at rest move against a drift, as those before did not: what creeps back in every session is
+    no part of it."""
+    before, later = at_rest
+    rate = float(np.mean([r.rate_um_per_s for r in later]))
+    told = [r.rate_std_um_per_s for r in later] + [math.hypot(r.rate_um_per_s, r.rate_std_um_per_s) for r in before]
+    error = float(np.sqrt(np.mean(np.square(told))))
+    back = -rate if rate_um_per_s > 0 else rate
+    return back > 3 * error + AT_REST * abs(rate_um_per_s)
 
 
 def _stepped(record: RecordOffset) -> float:
