@@ -159,7 +159,7 @@ def _parameter(p: Parameter) -> str:
 
 
 def _derived(size: Derived) -> str:
-    return f"`{size.name}` in {size.unit}, {size.doc}"
+    return f"`{size.name}` ({size.unit}), {size.doc}"
 
 
 def _value(p: Parameter) -> str:

@@ -16,7 +16,7 @@ from phaselead.record import Recording
 from phaselead.validation.journal import Outcome
 from phaselead.validation.truth import Case, Hidden, load_truth
 
-IN_UNIT = {("um", "um"): 1.0, ("LSB", "LSB"): 1.0, ("nm/min", "um/s"): 1e-3 / 60}
+IN_UNIT = {("um", "um"): 1.0, ("of range", "of range"): 1.0, ("LSB", "LSB"): 1.0, ("nm/min", "um/s"): 1e-3 / 60}
 """Derived sizes by their unit and that of a truth, and what one is in the other."""
 USUAL_BITS = 16
 """Of the output converter, which a stage file need not mention."""

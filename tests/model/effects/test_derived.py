@@ -8,6 +8,7 @@ from benchtop import LINEAR, PIEZO, axis, run, sine
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from phaselead.model import range_um
 from phaselead.model.effects import catalogue, derived_sizes, effect
 from phaselead.model.effects.derived import Derived, Scene, derived_estimates
 
@@ -44,7 +45,9 @@ def test_the_sensors_peak_is_its_largest_departure(quadratic, cubic, quartic):
     params = {"quadratic": quadratic, "cubic": cubic, "quartic": quartic}
     u = np.linspace(0, 10, 2001)
     off = run(axis(LINEAR), u, "sensor_nonlinearity", **params) - run(axis(LINEAR), u)
-    assert value_of("sensor_nonlinearity", params)["peak_um"] == pytest.approx(np.abs(off).max(), abs=2e-4)
+    found = value_of("sensor_nonlinearity", params)
+    assert found["peak_um"] == pytest.approx(np.abs(off).max(), abs=2e-4)
+    assert found["nonlinearity"] * range_um(axis(LINEAR)) == pytest.approx(found["peak_um"])
 
 
 @laws

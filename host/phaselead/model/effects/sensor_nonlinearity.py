@@ -51,9 +51,13 @@ def _curves(s: Samples) -> Samples:
     return columns(bow, 1.5 * 3**0.5 * s * bow, 4 * s**2 * bow)
 
 
-def _peak_um(params: Params, scene: Scene) -> float:
+def _peak(params: Params, _scene: Scene) -> float:
     curve = _curves(np.linspace(-1, 1, CURVE_POINTS)) @ np.array([number(params, name) for name in SIZES[:3]])
-    return float(np.max(np.abs(curve))) * range_um(scene.axis)
+    return float(np.max(np.abs(curve)))
+
+
+def _peak_um(params: Params, scene: Scene) -> float:
+    return _peak(params, scene) * range_um(scene.axis)
 
 
 EFFECT = Effect(
@@ -80,7 +84,10 @@ EFFECT = Effect(
             doc="slope: its maker set the scale elsewhere; by itself it is a change of gain",
         ),
     ),
-    derived=(Derived("peak_um", "um", _peak_um, doc="largest departure from a straight line over the range"),),
+    derived=(
+        Derived("peak_um", "um", _peak_um, doc="largest departure from a straight line over the range"),
+        Derived("nonlinearity", "of range", _peak, doc="the same, as data sheets of sensors say it"),
+    ),
     shows="an error that depends on the position, not on the voltage: the same on both branches of the loop",
     reveals="a bias ladder of small loops; a second sensor settles it",
     confused_with=("asymmetric_hysteresis", "dac_nonlinearity", "saturation"),
