@@ -89,7 +89,7 @@ class BlockedRun:
         n = self.rows
         return np.array([*(2**i for i in range(int(np.log2(n - 1)) + 1)), n], dtype=np.intp) - 1
 
-    @property
+    @cached_property
     def sizes(self) -> Counts:
         """Coefficients (blocks,) of each octave."""
         return np.asarray(np.diff(self.edges))

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cache, cached_property, partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -83,7 +83,7 @@ class _Expected:
         mine = shapes.of(name)
         self._of_material = bool(is_of_material([self._entry(mine[0], 1.0)])[0])
         likely = np.exp([prior_of([self._entry(i, 1.0)]).log_density for i in mine])
-        needed = np.array([self._times(shapes.first(i), [], [], 1.0) for i in mine])
+        needed = np.array([self._times(self._first(i), [], [], 1.0) for i in mine])
         order = np.argsort(needed)
         half = int(np.searchsorted(np.cumsum(likely[order]), 0.5 * likely.sum()))
         self._index = mine[order[min(half, len(mine) - 1)]]
@@ -119,7 +119,7 @@ class _Expected:
     def _simulated(self, index: int, times: float) -> Coefficients:
         """What so many times the first typical size adds, for one typical size; any times as much where an effect is
         linear in its sizes. Beyond the range of a size the largest in it is simulated."""
-        typical = self._shapes.first(index)
+        typical = self._first(index)
         if self._shapes.groups[index].effect.basis is not None:
             return typical
         runs = zip(self._likelihood.runs, typical, strict=True)
@@ -128,10 +128,15 @@ class _Expected:
         return [_added(run, entry) / simulated if run.changed and simulated else column for run, column in runs]
 
     @cached_property
+    def _first(self) -> Callable[[int], Coefficients]:
+        """The first size of a group, worked out once."""
+        return cache(self._shapes.first)
+
+    @cached_property
     def _everywhere(self) -> Coefficients:
         """The first size of the effect where the base lacks it in all records."""
         entry, found = self._entry(self._index, 1.0), []
-        for run, column in zip(self._likelihood.runs, self._shapes.first(self._index), strict=True):
+        for run, column in zip(self._likelihood.runs, self._first(self._index), strict=True):
             found.append(column if run.changed else _added(run, entry))
         return found
 
@@ -144,7 +149,7 @@ class _Expected:
     def _past(self, rival: str, times: float) -> float:
         """The same from a rival."""
         column, theirs = self._simulated(self._index, times), self._shapes.of(rival)
-        columns = [self._shapes.first(i) for i in theirs]
+        columns = [self._first(i) for i in theirs]
         best = int(np.argmax([self._along(one, column) for one in columns]))
         amount = times * self._matched(columns[best], column)
         others = [self._everywhere, self._simulated(theirs[best], amount), *(columns if len(columns) > 1 else [])]
