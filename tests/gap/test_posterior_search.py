@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from functools import cache
+from types import SimpleNamespace
 
 import numpy as np
+import pytest
 
 from phaselead.gap.posterior import Contest, Likelihood, likelihood_of, search
 from phaselead.gap.posterior.search import exchange
@@ -98,3 +100,35 @@ def test_an_effect_of_several_forms_is_begun_from_more_than_one():
     """No fit goes from one to another: a softening about the mean was lost behind two about rest, of other times."""
     starts = Starts(likelihood(), [effect("softening")]).beside(likelihood().fit(()))["softening"]
     assert len({start.entry[1]["about_mean"] for start in starts}) == len(starts) > 1
+
+
+class Weighed:
+    """A likelihood that gives each set the evidence of a table, whatever its parameters."""
+
+    known = ()
+
+    def __init__(self, evidence):
+        self.evidence = {tuple(sorted(names.split())): value for names, value in evidence.items()}
+
+    def knowing(self, entries):
+        return self
+
+    with_misfit_of = knowing
+
+    def fit(self, entries):
+        names = tuple(sorted(effect.name for effect, _ in entries))
+        return SimpleNamespace(entries=tuple(entries), names=names, log_evidence=self.evidence.get(names, 0.0))
+
+
+@pytest.mark.parametrize("rival", ["sensor_lowpass", "gain_change"])
+def test_a_winner_that_was_far_behind_meets_its_rivals(rival):
+    """Beside a creep a delay and a lag led alike; alone, when the contest gave the base what looked like creep, the
+    delay won, and the lag alone had no part in it: 32 us of an amplifier's lag were named a delay."""
+    creep, late, other = entry("creep"), entry("delay"), entry(rival)
+    led = Weighed({"creep delay": 100.0, f"creep {rival}": 99.9, "delay": 50.0, rival: 50.0})
+    sets = [(), (creep, late), (creep, other), (late,), (other,)]
+    pool = {fit.names: fit for fit in map(led.fit, sets)}
+    last = Weighed({"creep delay": 110.0, f"creep {rival}": 109.9, "delay": 120.0, rival: 119.9})
+    contest = search._last_contest(last, pool, 10)
+    assert ((rival,) in contest.fits) == (rival == "sensor_lowpass")  # nobody takes a delay for a change of gain
+    assert max(contest.fits, key=contest.log_posterior) == ("delay",)

@@ -160,14 +160,15 @@ def _grown(likelihood: Likelihood, parent: Fit, starts: Sequence[Start]) -> Fit 
 
 
 def _last_contest(likelihood: Likelihood, pool: Mapping[Names, Fit], catalogue_size: int) -> Contest:
-    """Nothing, the sets that are not far behind the best, and the best less one of its effects each, once more: now any
-    effect of theirs, as it is beside the others, may be what the base lacks, and what the equations of the winner miss
-    may look like its rivals."""
+    """Nothing, the sets that are not far behind the best, and the best less one of its effects each, or with one
+    exchanged for what it may be taken for, once more: now any effect of theirs, as it is beside the others, may be what
+    the base lacks, and what the equations of the winner miss may look like its rivals. A winner that was far behind
+    before is given the same company."""
     contest = Contest(likelihood, pool, catalogue_size)
     ranked = sorted(pool, key=lambda names: -contest.log_posterior(names))
     least = contest.log_posterior(ranked[0]) - WITHIN
     close = [pool[names] for names in ranked[:MOST_CONTESTED] if contest.log_posterior(names) > least]
-    starts = {(): (), **{fit.names: fit.entries for fit in close}}
+    starts: dict[Names, tuple[SizedEffect, ...]] = {(): (), **{fit.names: fit.entries for fit in close}}
     seen = {effect.name: (effect, params) for fit in reversed(close) for effect, params in fit.entries}
     likelihood = likelihood.knowing([entry for entry in seen.values() if entry not in likelihood.known])
     best, tried = close[0].entries, set[Names]()
@@ -176,11 +177,25 @@ def _last_contest(likelihood: Likelihood, pool: Mapping[Names, Fit], catalogue_s
         for i in range(len(best)):
             rest = (*best[:i], *best[i + 1 :])
             starts.setdefault(names_of(rest), pool[names_of(rest)].entries if names_of(rest) in pool else rest)
+            starts = {**_exchanged(pool, best, i), **starts}
         among = likelihood.with_misfit_of(best)
         contest = Contest(among, {names: among.fit(entries) for names, entries in starts.items()}, catalogue_size)
         starts = {names: fit.entries for names, fit in contest.fits.items()}
         best = max(contest.fits.values(), key=lambda fit: contest.log_posterior(fit.names)).entries
     return contest
+
+
+def _exchanged(
+    pool: Mapping[Names, Fit], entries: Sequence[SizedEffect], index: int
+) -> dict[Names, tuple[SizedEffect, ...]]:
+    """Sets of a pool that have, in the place of one of the effects, another that it may be taken for."""
+    rest = {effect.name for i, (effect, _) in enumerate(entries) if i != index}
+    found = {}
+    for names, fit in pool.items():
+        others = [effect for effect, _ in fit.entries if effect.name not in rest]
+        if len(names) == len(entries) and len(others) == 1 and confused(entries[index][0], others[0]):
+            found[names] = fit.entries
+    return found
 
 
 def at_an_end(entries: Sequence[SizedEffect]) -> bool:
