@@ -17,6 +17,7 @@ from phaselead.control.feeding import send_points
 from phaselead.control.gains import design_gains
 from phaselead.control.kept_runs import KeptRuns
 from phaselead.control.learning import drive
+from phaselead.control.learning import lines as of_lines
 from phaselead.control.learning import trials as course
 from phaselead.control.learning.law import MARGIN, next_step
 from phaselead.control.learning.learned import Learned, LearnedPath, Trial, load_learned, one_period
@@ -699,3 +700,18 @@ def test_noise_is_compared_axis_by_axis():
     assert less.rests_less_than(before)  # though the larger of the two has grown
     assert not more.rests_less_than(before)
     assert not before.rests_less_than(before)
+
+
+def test_a_record_is_worked_on_in_pieces_to_the_same_end(monkeypatch):
+    """A path of 0.01 Hz has millions of rows: all turns of 257 lines at once filled 19 GB."""
+    t_s = np.arange(4000) / 1000
+    rng = np.random.default_rng(3)
+    error_um = np.sin(2 * np.pi * t_s) + rng.normal(size=4000)
+    whole = error_lines(t_s, error_um, 1.0, 20, 1000.0)
+    rest_um = rest_of(whole, t_s, error_um, 1.0)
+    monkeypatch.setattr(of_lines, "PIECE_ROWS", 300)
+    pieces = error_lines(t_s, error_um, 1.0, 20, 1000.0)
+    np.testing.assert_allclose(pieces.amplitude, whole.amplitude, atol=1e-12)
+    np.testing.assert_allclose(rest_of(pieces, t_s, error_um, 1.0), rest_um, atol=1e-12)
+    shown = sum((a * np.exp(2j * np.pi * k * t_s)).real for k, a in zip(whole.number, whole.amplitude, strict=True))
+    np.testing.assert_allclose(rest_um + shown, error_um, atol=1e-12)

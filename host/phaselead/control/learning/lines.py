@@ -19,6 +19,8 @@ MOST_LINES = POINTS // 4
 sinc^2(1/4)."""
 HEARD = 3.0
 """Deviations above its noise from which on an error is worth a trial."""
+PIECE_ROWS = 2**13
+"""Rows of a record that are worked on at a time: with 257 lines 34 MB."""
 NEIGHBOURS = 5
 """Lines on either side that share a figure of the noise, which is broad: with four periods one line alone has but three
 differences to tell it from."""
@@ -75,15 +77,24 @@ def error_lines(t_s: Samples, error_um: Samples, f_Hz: float, count: int, rate_H
 
 
 def _lines(t_s: Samples, error_um: Samples, f_Hz: float, number: Numbers) -> Amplitudes:
-    turns = np.exp(-2j * np.pi * f_Hz * np.outer(number, t_s))
-    scale = np.where(number == 0, 1, 2) / len(t_s)
-    return np.asarray(scale * (turns @ error_um), dtype=np.complex128)
+    found = np.zeros(len(number), dtype=np.complex128)
+    for rows in _pieces(len(t_s)):
+        found += np.exp(-2j * np.pi * f_Hz * np.outer(number, t_s[rows])) @ error_um[rows]
+    return found * np.where(number == 0, 1, 2) / len(t_s)
+
+
+def _pieces(n: int) -> list[slice]:
+    """Rows at a time: a slow path has millions, and hundreds of lines."""
+    return [slice(a, min(a + PIECE_ROWS, n)) for a in range(0, n, PIECE_ROWS)]
 
 
 def rest_of(lines: Lines, t_s: Samples, error_um: Samples, f_Hz: float) -> Samples:
     """The error (n,) without its lines."""
-    turns = np.exp(2j * np.pi * f_Hz * np.outer(t_s, lines.number))
-    return np.asarray(error_um - (turns @ lines.amplitude).real)
+    rest = error_um.astype(np.float64)
+    for rows in _pieces(len(t_s)):
+        turns = np.exp(2j * np.pi * f_Hz * np.outer(t_s[rows], lines.number))
+        rest[rows] -= (turns @ lines.amplitude).real
+    return rest
 
 
 def _smoothed(variance: Samples) -> Samples:
