@@ -17,11 +17,11 @@ from phaselead.gap.parameters import SizedEffect
 from phaselead.gap.plain_fits import each_fitted
 from phaselead.gap.posterior import intervals_alone, likelihood_of
 from phaselead.gap.records import GapRun, Role
-from phaselead.gap.residual import ModelledRun, modelled_run
+from phaselead.gap.residual import ModelledRun, modelled_run, with_effects
 from phaselead.gap.savings import probability_by_chance, saved_by_block
 from phaselead.gap.selection import Memory
 from phaselead.identify import fit_plays
-from phaselead.model import AdoptedEffect, AxisModel, Effect
+from phaselead.model import AxisModel, Effect
 from phaselead.record import Samples
 
 MOST_BESIDE = 2
@@ -51,13 +51,13 @@ def find_memory(axis: AxisModel, runs: Sequence[GapRun], effects: Sequence[Effec
     if found is None:
         return axis, None
     looped, beside, saved = found
-    as_line = [modelled_run(_with(axis, beside), run) for run in runs]
+    as_line = [modelled_run(with_effects(axis, beside), run) for run in runs]
     chance = probability_by_chance(saved) * (1 + len(beside))
     params = _loop(as_line, becoming) if chance < ERROR_RATE else None
     if params is None:
         return axis, None
     lines = _of(as_line, "reference")
-    plays = [modelled_run(_with(looped, beside), line.run) for line in lines]
+    plays = [modelled_run(with_effects(looped, beside), line.run) for line in lines]
     if lines and probability_by_chance(saved_by_block(lines, (), plays, ())) < ERROR_RATE:
         return axis, None
     given = _beside_all(looped, len(beside) + MOST_BESIDE, runs, others)
@@ -82,7 +82,7 @@ def _apart_from_others(
     beside: list[SizedEffect] = []
     while True:
         looped = with_refitted_operator(train, beside)[0].axis
-        as_line, as_plays = ([modelled_run(_with(one, beside), run) for run in tried] for one in (axis, looped))
+        as_line, as_plays = ([modelled_run(with_effects(one, beside), run) for run in tried] for one in (axis, looped))
         saved = saved_by_block(_of(as_line, "holdout"), (), _of(as_plays, "holdout"), ())
         larger = _most_saving(as_line, others)
         if larger is None or saved.sum() > larger[1].sum():
@@ -112,13 +112,13 @@ def _beside_all(axis: AxisModel, rounds: int, runs: Sequence[GapRun], others: Se
     train = [modelled_run(axis, run) for run in runs if run.role == "train"]
     tried = [run for run in runs if run.role != "reference"]
     for _ in range(rounds):
-        larger = _most_saving([modelled_run(_with(axis, found), run) for run in tried], others)
+        larger = _most_saving([modelled_run(with_effects(axis, found), run) for run in tried], others)
         if larger is None:
             break
         found.append(larger[0])
         others = [one for one in others if one.name != larger[0][0].name]
         anew = with_refitted_operator(train, found)
-        before, after = ([modelled_run(_with(one, found), r) for r in tried if r.role == "holdout"]
+        before, after = ([modelled_run(with_effects(one, found), r) for r in tried if r.role == "holdout"]
                          for one in (axis, anew[0].axis))  # fmt: skip
         if saved_by_block(before, (), after, ()).sum() <= 0:
             break
@@ -138,12 +138,6 @@ def _most_saving(runs: Sequence[ModelledRun], effects: Sequence[Effect]) -> tupl
 
 def _of(runs: Sequence[ModelledRun], role: Role) -> list[ModelledRun]:
     return [modelled for modelled in runs if modelled.run.role == role]
-
-
-def _with(axis: AxisModel, entries: Sequence[SizedEffect]) -> AxisModel:
-    """The axis with more effects of its own."""
-    more = [AdoptedEffect(name=effect.name, params=params) for effect, params in entries]
-    return axis.model_copy(update={"effects": (*axis.effects, *more)})
 
 
 def with_refitted_operator(runs: Sequence[ModelledRun], entries: Sequence[SizedEffect]) -> list[ModelledRun]:

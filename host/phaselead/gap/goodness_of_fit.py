@@ -181,12 +181,16 @@ def _rms(left: Sequence[RunResidual]) -> float:
 
 
 def final_fit(selection: Selection, runs: Sequence[GapRun], floor: Floor) -> FinalFit:
-    """The model that a search ended with on all runs, and the gap. Plays that the base was given are fitted once more,
-    now to what the effects leave. ``floor``: what it is where no reference record says."""
+    """The model that a search ended with on all runs, each from the memory that suits it best, as the stage file will
+    be judged, and the gap. Plays that the base was given are fitted once more, now to what the effects leave.
+    ``floor``: what it is where no reference record says."""
     before = tuple(modelled_run(selection.start, run) for run in runs)
     after = [modelled_run(selection.base, run) for run in runs]
     if selection.memory is not None:
         after = with_refitted_operator(after, selection.entries)
+    if selection.entries:
+        changed = [() if run.role == "reference" else selection.entries for run in runs]
+        after = [modelled_run(t.axis, t.run, beside) for t, beside in zip(after, changed, strict=True)]
     final = FinalFit(after[0].axis, selection.entries, before, tuple(after), GapSize(0.0, 0.0, 0.0), floor.rms_um)
     return replace(final, gap=_gap(final))
 

@@ -18,7 +18,19 @@ from scipy.interpolate import CubicSpline
 from phaselead.errors import BadInput
 from phaselead.gap.records import GapRun, complete_axes, run_of
 from phaselead.identify import Turns, starting_memory, way_before
-from phaselead.model import AxisModel, Chain, Entry, Extra, Place, Stage, effect, plays, plays_after, rest_plays
+from phaselead.model import (
+    AdoptedEffect,
+    AxisModel,
+    Chain,
+    Entry,
+    Extra,
+    Place,
+    Stage,
+    effect,
+    plays,
+    plays_after,
+    rest_plays,
+)
 from phaselead.record import Recording, Samples
 
 MEMORY_ROWS = 4000
@@ -95,13 +107,22 @@ class ModelledRun:
         return np.asarray(self.run.x_um[self.run.rows] - self.answer(extra))
 
 
-def modelled_run(axis: AxisModel, run: GapRun) -> ModelledRun:
+def modelled_run(axis: AxisModel, run: GapRun, beside: Extra = ()) -> ModelledRun:
     """The run under the model of its axis, which has a time view, from the best simple memory: from rest, or after up
     to four turns. A stage at rest may have been switched to the first voltage in the first row, or have stood there for
-    long: whichever leaves less of the record."""
+    long: whichever leaves less of the record.
+
+    ``beside``: effects with which that is asked, and which ``answer`` is then given; what they do might be taken for
+    another memory."""
     assert axis.time is not None
-    began = _best_start(axis, run)
+    began = _best_start(with_effects(axis, beside), run)
     return ModelledRun(run, axis, _chain(axis, run, began), began, nuisance_columns(axis, run, began))
+
+
+def with_effects(axis: AxisModel, entries: Extra) -> AxisModel:
+    """The axis with more effects of its own."""
+    more = [AdoptedEffect(name=effect.name, params=dict(params)) for effect, params in entries]
+    return axis.model_copy(update={"effects": (*axis.effects, *more)}) if more else axis
 
 
 def left_um(stage: Stage, records: Sequence[Recording]) -> float:
