@@ -66,3 +66,36 @@ def test_references_that_move_less_or_rest_longer_make_no_name_doubtful(other):
     found = answer(*sessions(delay_s=0.0001, seconds=0.8, **other))
     assert [one.name for one in found.effects] == ["delay"]
     assert found.verdicts == ("named",)
+
+
+@pytest.mark.parametrize("far_um2", [0.0, 0.001])
+def test_far_above_the_references_and_nothing_named_is_not_nothing(monkeypatch, far_um2):
+    """In a closed loop a leak that the base lacks ended as none, with six times the floor left."""
+    monkeypatch.setattr(axis, "far_above_references_um2", lambda final, holdout: far_um2)
+    found = answer(*sessions(delay_s=0.0, seconds=0.8))
+    assert found.verdicts == (("unknown",) if far_um2 else ("none",))
+    assert any(said.endswith("look where it is, something is there") for said in found.messages) == bool(far_um2)
+
+
+def test_records_with_nothing_new_are_not_far_and_those_that_wander_are_by_as_much():
+    reference, train, holdout = sessions(delay_s=0.0, seconds=0.8)
+    stage = fit(reference)[0]
+    seen = []
+
+    def kept(final, residuals):
+        seen.append(far(final, residuals))
+        return seen[-1]
+
+    far = axis.far_above_references_um2
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(axis, "far_above_references_um2", kept)
+        for wander_um in (0.0, 5.0):
+            run_gap(stage, train, [_wandering(r, wander_um) for r in holdout], reference, without=WITHOUT)
+    assert seen[0] == 0.0
+    assert 1.0 < seen[1] < 5.0**2
+
+
+def _wandering(record, size_um: float):
+    wander_um = size_um * np.sin(2 * np.pi * 1.3 * (record.t_s - record.t_s[0]))
+    axes = {name: replace(one, x_um=one.x_um + wander_um) for name, one in record.axes.items()}
+    return replace(record, axes=axes)

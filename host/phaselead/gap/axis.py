@@ -232,22 +232,25 @@ def _left_by(claimed: _Claimed, final: FinalFit, known_um2: float) -> _Remainder
     left, gap = unexplained(clean.train, clean.holdout, reference, of_any_size=not anything), clean.gap
     if anything and too_little_described(left, gap):
         return _Remainder(left, beyond_equations=True, too_much=True)
-    if anything and reference:
-        far_um2 = max(far_above_references_um2(final, clean.holdout) - known_um2, 0.0)
-        far = far_um2 > excused_um2(gap)
-        beyond = far or more_than_equations_miss(left, gap)
-        left = replace(left, of_equations=left.something_missing and not beyond)
-        return _Remainder(left, beyond, messages=[_far_above(claimed, far_um2)] if far else [])
-    return _Remainder(left, left.something_missing)
+    if not reference:
+        return _Remainder(left, left.something_missing)
+    far_um2 = max(far_above_references_um2(final, clean.holdout) - known_um2, 0.0)
+    far = far_um2 > (excused_um2(gap) if anything else 0.0)
+    messages = [_far_above(claimed, far_um2)] if far else []
+    if not anything:
+        return _Remainder(left, far or left.something_missing, messages=messages)
+    beyond = far or more_than_equations_miss(left, gap)
+    return _Remainder(replace(left, of_equations=left.something_missing and not beyond), beyond, messages=messages)
 
 
 def _far_above(claimed: _Claimed, left_um2: float) -> str:
     """What to say where far more is left than of reference records, and more than the equations of the names miss."""
     names, left_um = " and ".join(sorted(_names(claimed.named, claimed.ties))), math.sqrt(left_um2)
-    return (
-        f"beside {names} {left_um:.3g} um is left of held-out records, far more than of the reference records and more "
-        "than a tenth of the power that is explained: look where it is, something else may be there"
-    )
+    left = f"{left_um:.3g} um is left of held-out records, far more than of the reference records"
+    if not names:
+        return f"{left}: look where it is, something is there"
+    share = "and more than a tenth of the power that is explained"
+    return f"beside {names} {left} {share}: look where it is, something else may be there"
 
 
 def _without_claims(claimed: _Claimed) -> _Claimed:
