@@ -33,13 +33,13 @@ def sessions(
     return found
 
 
+def _with(record, more_um):
+    axes = {name: replace(one, x_um=one.x_um + more_um) for name, one in record.axes.items()}
+    return replace(record, axes=axes)
+
+
 def drifting(records, rate_um_per_s: float, began_s: float):
-    moved = []
-    for record in records:
-        drift_um = rate_um_per_s * (record.t_s - began_s)
-        axes = {name: replace(one, x_um=one.x_um + drift_um) for name, one in record.axes.items()}
-        moved.append(replace(record, axes=axes))
-    return moved
+    return [_with(record, rate_um_per_s * (record.t_s - began_s)) for record in records]
 
 
 def answer(reference, train, holdout):
@@ -58,6 +58,16 @@ def test_what_a_named_drift_adds_is_nothing_else(monkeypatch, other_um2, unknown
     found = answer(reference, *(drifting(records, rate_um_per_s, began_s) for records in later))
     assert {one.name for one in found.effects} == {"delay", "thermal_drift"}
     assert ("unknown" in found.verdicts) == unknown
+
+
+def test_a_hum_that_is_named_is_nothing_else():
+    """Of 0.5 um where references leave 0.01: what the training records tell of it is not all of it to the last."""
+    reference, *later = sessions(delay_s=0.0)
+    humming = [[_with(r, 0.5 * np.sin(2 * np.pi * 50.02 * r.t_s)) for r in records] for records in later]
+    without = [name for name in WITHOUT if name != "mains_hum"]
+    found = run_gap(fit(reference)[0], *humming, reference, without=without)
+    assert [one.name for one in found.effects] == ["mains_hum"]
+    assert found.verdicts == ("named",)
 
 
 @pytest.mark.parametrize("other", [{"reference_level": 0.4}, {"reference_rest_s": 12.0}])
@@ -96,6 +106,4 @@ def test_records_with_nothing_new_are_not_far_and_those_that_wander_are_by_as_mu
 
 
 def _wandering(record, size_um: float):
-    wander_um = size_um * np.sin(2 * np.pi * 1.3 * (record.t_s - record.t_s[0]))
-    axes = {name: replace(one, x_um=one.x_um + wander_um) for name, one in record.axes.items()}
-    return replace(record, axes=axes)
+    return _with(record, size_um * np.sin(2 * np.pi * 1.3 * (record.t_s - record.t_s[0])))

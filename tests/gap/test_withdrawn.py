@@ -87,7 +87,7 @@ def test_a_name_beside_which_much_is_left_that_nothing_predicts_is_not_all(monke
     """Held-out records that wander by a few tenths of the gap, as nothing in the training records does."""
     reference, train, holdout = parts({"delay": HIDDEN["delay"]})
     without = [name for name in catalogue() if name not in KEPT]
-    monkeypatch.setattr(axis, "unlike_others", lambda final: [])  # the training records do not wander
+    monkeypatch.setattr(axis, "unlike_others", lambda final: [])  # which would say so, too
     if not asked:
         monkeypatch.setattr(axis, "far_above_references_um2", lambda final, holdout: 0.0)
     found = run.run_gap(fit(reference)[0], train, [_wandering(r) for r in holdout], reference, without=without)

@@ -52,7 +52,7 @@ class FinalFit:
     before: tuple[ModelledRun, ...]
     """Every run under the base as given."""
     after: tuple[ModelledRun, ...]
-    """Every run under ``axis``, the effects not yet in it."""
+    """Every run under ``axis``, the effects not yet in it, from the memory that suits it with what is named."""
     gap: GapSize
     richest_um: float = math.inf
     """RMS that the richest model of all leaves of the training records: the floor where no reference record says."""
@@ -65,9 +65,8 @@ class FinalFit:
     @property
     def spread_s2(self) -> float:
         """Mean square of the times of held-out rows about the middle of their records."""
-        return power_um2(
-            [(t := run.run.t_s[run.run.rows]) - t.mean() for run in self.after if run.run.role == "holdout"]
-        )
+        times = [one.run.t_s[one.run.rows] for one in self.after if one.run.role == "holdout"]
+        return power_um2([t_s - t_s.mean() for t_s in times])
 
     @property
     def unexplained_um(self) -> float:

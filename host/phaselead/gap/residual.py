@@ -112,8 +112,8 @@ def modelled_run(axis: AxisModel, run: GapRun, beside: Extra = ()) -> ModelledRu
     to four turns. A stage at rest may have been switched to the first voltage in the first row, or have stood there for
     long: whichever leaves less of the record.
 
-    ``beside``: effects with which that is asked, and which ``answer`` is then given; what they do might be taken for
-    another memory."""
+    ``beside``: effects that ``answer`` and ``error`` will be given. The memory is looked for with them, since what they
+    do might be taken for another one."""
     assert axis.time is not None
     began = _best_start(with_effects(axis, beside), run)
     return ModelledRun(run, axis, _chain(axis, run, began), began, nuisance_columns(axis, run, began))

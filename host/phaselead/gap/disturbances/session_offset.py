@@ -43,12 +43,15 @@ class RecordOffset:
 
     @classmethod
     def of(cls, t_s: Samples, error_um: Samples, idle: bool) -> RecordOffset:
-        """Of a record's times and residual, (n,) each, of four rows at least."""
+        """Of a record's times and residual, (n,) each, of four rows at least. Only of one at rest is the rate asked."""
+        at = cls(float(t_s.mean()), float(error_um.mean()), idle)
+        if not idle:
+            return at
         rate, std = _rate(t_s, error_um)
         half = len(t_s) // 2
         first, last = (_rate(t_s[part], error_um[part])[0] for part in (slice(None, half), slice(half, None)))
         # Slow noise looks like a straight line, and not like the same one in both halves.
-        return cls(float(t_s.mean()), float(error_um.mean()), idle, rate, math.hypot(std, (last - first) / 2))
+        return replace(at, rate_um_per_s=rate, rate_std_um_per_s=math.hypot(std, (last - first) / 2))
 
 
 def _rate(t_s: Samples, error_um: Samples) -> tuple[float, float]:
@@ -111,7 +114,8 @@ def session_shifts(
         back, stepped = _moves_back(beyond.amount, at_rest), found[step].sure
         sure = (alone.sure or stepped or beyond.sure) and not back
         found[step] = replace(found[step], sure=stepped and not (beyond.sure or back), refuted=stepped and back)
-        found[drift] = replace(beyond, sure=sure, left_um2=found[step].left_um2)
+        refuted = (alone.refuted or beyond.refuted) and not sure
+        found[drift] = replace(beyond, sure=sure, left_um2=found[step].left_um2, refuted=refuted)
     return found
 
 
