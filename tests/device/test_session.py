@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable
 
 import pytest
@@ -238,6 +239,38 @@ def test_a_port_that_goes_away_is_reported() -> None:
     session.port.read = gone  # type: ignore[method-assign]
     with pytest.raises(LinkError, match="has gone away"):
         session.request(wire.StatusRequest())
+
+
+def test_no_other_thread_speaks_while_one_reads_or_sends() -> None:
+    """A device was kept alive by one thread while another waited for an edge: one of them found that what was there
+    had been taken, and said that the port had gone away."""
+    free: list[bool] = []
+
+    class Watched(FakePort):
+        def read(self, size: int) -> bytes:
+            self.look()
+            return super().read(size)
+
+        def write(self, data: bytes) -> int:
+            self.look()
+            return super().write(data)
+
+        def look(self) -> None:
+            other = threading.Thread(target=self.speak)
+            other.start()
+            other.join()
+
+        def speak(self) -> None:
+            free.append(session.lock.acquire(blocking=False))
+            if free[-1]:
+                session.lock.release()
+
+    session = Session(Watched(FakeDevice()), "fake")
+    session.hello()
+    session.pump(64)
+    session.resend(session.submit(wire.StatusRequest()))
+    assert len(free) >= 4
+    assert not any(free)
 
 
 def test_the_log_holds_what_was_sent_and_when_it_took_effect() -> None:

@@ -144,6 +144,17 @@ def test_intervals_hold_the_truth_as_often_as_they_say():
     assert 0.91 <= np.mean([abs(shift.amount - 0.05) < shift.half for shift in found]) <= 0.98
 
 
+@given(st.integers(0, 10**6), st.floats(-0.08, 0.08), st.sampled_from([-1, 1]))
+def test_an_interval_reaches_to_what_records_at_rest_say(seed, aside_um, sign):
+    """A bend of the sensor that is found not quite shifts all driven records alike, and hardly those at rest."""
+    parts = records(0.6 * sign, 0.0, 0.005, seed)
+    reference, *later = parts
+    bent = [[replace(r, mean_um=r.mean_um + aside_um * (not r.idle)) for r in part] for part in later]
+    shift, straight = (session_shifts(reference, *those)["offset"] for those in (bent, later))
+    assert abs(shift.amount - 0.6 * sign) < shift.half + 4 * 0.005
+    assert shift.half > straight.half - 4 * 0.005
+
+
 def test_two_records_tell_no_scatter():
     few = [RecordOffset(0.0, 0.0, True), RecordOffset(1.0, 0.1)]
     assert not session_shifts(few, few * 3, few)

@@ -285,11 +285,12 @@ class Session:
 
     def submit(self, command: wire.Command[Any]) -> Pending:
         """Sends a command without waiting; ``pump`` fills in the reply, ``finish`` reads it."""
-        self.last_id = self.last_id % 0xFFFF + 1
-        body = wire.HEADER.pack(command.NUMBER, self.last_id, self.nonce) + command.pack()
-        pending = Pending(command, self.last_id, encode_frame(body), self._tick)
-        self._waiting[self.last_id] = pending
-        self._write(pending.frame)
+        with self.lock:
+            self.last_id = self.last_id % 0xFFFF + 1
+            body = wire.HEADER.pack(command.NUMBER, self.last_id, self.nonce) + command.pack()
+            pending = Pending(command, self.last_id, encode_frame(body), self._tick)
+            self._waiting[self.last_id] = pending
+            self._write(pending.frame)
         return pending
 
     def resend(self, pending: Pending) -> None:
@@ -307,20 +308,22 @@ class Session:
         self._waiting.pop(pending.id, None)
 
     def pump(self, size: int) -> int:
-        """Reads up to ``size`` bytes, waiting for them at most the port's timeout, and sorts the frames."""
+        """Reads up to ``size`` bytes, waiting for them at most the port's timeout, and sorts the frames. Meanwhile no
+        other thread speaks: of two that read, one would find that the other has taken what was there."""
         interrupt.raise_if_asked()
-        try:
-            chunk = self.port.read(size)
-        except (serial.SerialException, OSError) as error:
-            raise LinkError(f"port {self.name} has gone away ({error}); reconnect it and try again") from None
-        if chunk:
-            if self.sink is not None:
-                self.sink(chunk)
-            before = len(self.samples)
-            for body in self.reader.feed(chunk):
-                self._sort(body)
-            if self.tap is not None:
-                self.tap(self.samples[before:])
+        with self.lock:
+            try:
+                chunk = self.port.read(size)
+            except (serial.SerialException, OSError) as error:
+                raise LinkError(f"port {self.name} has gone away ({error}); reconnect it and try again") from None
+            if chunk:
+                if self.sink is not None:
+                    self.sink(chunk)
+                before = len(self.samples)
+                for body in self.reader.feed(chunk):
+                    self._sort(body)
+                if self.tap is not None:
+                    self.tap(self.samples[before:])
         return len(chunk)
 
     def _sort(self, body: bytes) -> None:
@@ -380,7 +383,8 @@ class Session:
 
     def _write(self, data: bytes) -> None:
         try:
-            self.port.write(data)
+            with self.lock:
+                self.port.write(data)
         except (serial.SerialException, OSError) as error:
             raise LinkError(f"port {self.name} cannot be written ({error}); reconnect it and try again") from None
 

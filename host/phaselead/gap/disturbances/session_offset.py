@@ -68,7 +68,8 @@ Course = Callable[[RecordOffset], float]
 
 @dataclass(frozen=True)
 class Shift:
-    """A step of the zero (um) or a drift of it (um/s), with the half-width of its 95 % interval."""
+    """A step of the zero (um) or a drift of it (um/s), with the half-width of its 95 % interval, which reaches as far as
+    records at rest and driven ones differ."""
 
     amount: float
     half: float
@@ -148,18 +149,44 @@ def _shift(
     again, _, _, p_again = _fitted(before, held, columns)
     moved = [abs(amounts[0] * columns[0](r)) for r in later]
     reach = max(moved) - (min(moved) if beyond_step else 0.0)
-    was = float(np.mean([r.mean_um for r in at_rest[0]]))
-    seen_at_rest = all(
-        abs(r.mean_um - was - (e := sum(a * of(r) for a, of in zip(amounts, columns, strict=True))))
-        < np.hypot(AT_REST * e, 3 * scatter)
-        for r in at_rest[1]
-    )
+    expected = _expected(amounts, columns, at_rest[1])
+    aside = np.abs(_stood_off(at_rest) - expected)
+    seen_at_rest = bool(np.all(aside < np.hypot(AT_REST * expected, 3 * scatter)))
     found_again = p_again < ERROR_RATE and amounts[0] * again[0] > 0
     sure = seen_at_rest and p < FOUND and found_again and reach > LEAST_SHIFT * max(scatter, unexplained_um)
     freedom = max(len(before) + len(later) - 1 - len(columns), 1)
-    half = float(t_distribution.isf(0.025, freedom)) * error
+    half = float(t_distribution.isf(0.025, freedom)) * error + _apart_at_rest(amounts, columns, at_rest, scatter)
     back = began_s is not None and _moves_back(amounts[0], at_rest)
     return Shift(amounts[0], half, bool(sure and not back), scatter**2 * freedom, p, bool(sure and back))
+
+
+def _expected(amounts: Sequence[float], columns: Sequence[Course], later: Sequence[RecordOffset]) -> Samples:
+    """By how much (n,) later records stand off by so much of each course."""
+    return np.array([sum(a * course(r) for a, course in zip(amounts, columns, strict=True)) for r in later])
+
+
+def _stood_off(at_rest: tuple[Sequence[RecordOffset], Sequence[RecordOffset]]) -> Samples:
+    """By how much (n,) the later records at rest stand off from those before."""
+    before, later = at_rest
+    return np.array([r.mean_um for r in later]) - float(np.mean([r.mean_um for r in before]))
+
+
+def _apart_at_rest(
+    amounts: Sequence[float],
+    columns: Sequence[Course],
+    at_rest: tuple[Sequence[RecordOffset], Sequence[RecordOffset]],
+    scatter: float,
+) -> float:
+    """By how much records at rest ask for another amount than all do, beyond what single records scatter: what is
+    missed of how the stage answers shifts those alike that are driven alike, and they do not show it."""
+    before, later = at_rest
+    course = np.array([columns[0](r) for r in later])
+    in_all = float(course @ course)
+    if not in_all > 0:
+        return 0.0
+    apart = float(course @ (_stood_off(at_rest) - _expected(amounts, columns, later))) / in_all
+    error = scatter * math.sqrt(1 / in_all + (float(course.sum()) / in_all) ** 2 / len(before))
+    return math.sqrt(max(apart**2 - error**2, 0.0))
 
 
 def _moves_back(rate_um_per_s: float, at_rest: tuple[Sequence[RecordOffset], Sequence[RecordOffset]]) -> bool:
