@@ -55,6 +55,49 @@ def test_a_new_vibration_is_found_where_it_is():
     assert 0.005 < found.params["rms_um"][0] < 0.015
 
 
+@pytest.mark.parametrize(("f_Hz", "zeta", "n"), [(120.0, 0.05, 6000), (30.0, 0.05, 6000), (38.0, 0.02, 1500)])
+def test_the_intervals_of_a_vibration_hold_what_was_put_in(f_Hz, zeta, n):
+    """The bandwidth as well: it had been that of the band in which the peak was seen."""
+    truth, inside = {"rms_um": 0.01, "f_Hz": f_Hz, "bandwidth_Hz": 2 * zeta * f_Hz}, []
+    finer = 16  # at which the shaken mode is as good as continuous
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+
+        def still(um: float, rng=rng) -> RunResidual:
+            shaken = ringing(rng, finer * n, f_Hz / finer, zeta)[::finer]
+            return left(um * shaken + 0.005 * rng.normal(size=n))
+
+        parts = [[still(um), still(um)] for um in (1.0, 1.0, 0.0)]
+        found = find_vibration("vibration", *parts)
+        assert found is not None
+        inside += [low <= truth[name] <= high for name, (_, _, (low, high)) in found.params.items()]
+    assert np.mean(inside) >= 0.85
+
+
+def wandering(rng: np.random.Generator, n: int) -> np.ndarray:
+    """Noise that grows towards low frequencies, as that of a sensor does."""
+    return coloured(rng, n, 0.5) + 0.02 * coloured(rng, n, 100.0)
+
+
+def test_a_slow_vibration_is_found_beside_noise_that_is_slower_still():
+    """What a sensor's zero wanders about hid a vibration of ten times the power that was usual there."""
+    for seed in range(10):
+        rng = np.random.default_rng(seed)
+        parts = [[left(0.02 * wandering(rng, 1500) + um * ringing(rng, 1500, 17.0, 0.05))] for um in (1, 1, 0)]
+        found = find_vibration("vibration", *parts)
+        assert found is not None
+        assert abs(found.params["f_Hz"][0] - 17) < 4
+
+
+def test_what_wanders_more_than_it_did_is_no_vibration():
+    """The slow lines of a spectrum say nothing of a peak, and they are in no band."""
+    for seed in range(40):
+        rng = np.random.default_rng(seed)
+        parts = [[left(0.02 * um * coloured(rng, 1500, 0.5) + 0.002 * rng.normal(size=1500))] for um in (2, 2, 1)]
+        found = find_vibration("vibration", *parts)
+        assert found is None, found.params
+
+
 def coloured(rng: np.random.Generator, n: int, corner_Hz: float) -> np.ndarray:
     """Noise that is flat below its corner and falls above, as of a sensor's electronics."""
     pole = np.exp(-2 * np.pi * corner_Hz * STEP_s)

@@ -68,8 +68,8 @@ Course = Callable[[RecordOffset], float]
 
 @dataclass(frozen=True)
 class Shift:
-    """A step of the zero (um) or a drift of it (um/s), with the half-width of its 95 % interval, which reaches as far as
-    records at rest and driven ones differ."""
+    """A step of the zero (um) or a drift of it (um/s), with the half-width of its 95 % interval. By as much as records
+    at rest ask for another amount it is wider."""
 
     amount: float
     half: float

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -12,8 +13,10 @@ from scipy.stats import f as f_distribution
 
 from phaselead.gap.disturbances.disturbance import NEW_FROM, Disturbance, Parts, Residuals
 from phaselead.gap.disturbances.hum import is_mains
+from phaselead.gap.disturbances.peak import fitted_peak
 from phaselead.gap.error_rates import ERROR_RATE
-from phaselead.gap.findings import Estimate
+from phaselead.gap.parameters import bounded
+from phaselead.model import Effect, catalogue
 from phaselead.record import Samples
 
 Lines = NDArray[np.int64]
@@ -25,6 +28,8 @@ CHANCE_ANY_BAND = 1e-4
 reference, or without any the sides of the band."""
 AROUND = 8
 """Lines to either side of a band that say what is usual there."""
+SIDES = 4.0
+"""Times the frequencies of a band by which the noise to its sides reaches that a peak is fitted with: two octaves."""
 LEAST_AROUND, LEAKS = 3, 2
 """Lines that a side needs to say what is usual, and lines by which a Hann window spreads a peak."""
 WIDTHS = (1, 3, 7, 15)
@@ -43,18 +48,18 @@ def find_vibration(name: str, train: Residuals, holdout: Residuals, reference: R
     frequency stands above one of them.
     """
     louder = _louder(train, reference)
-    train, holdout = _divided(train, louder), _divided(holdout, _louder(holdout, reference))
-    spectra = _spectra(train, holdout, reference)
+    even = _divided(train, louder), _divided(holdout, _louder(holdout, reference)), reference
+    spectra = _spectra(*even)
     live = np.array([not is_mains(float(f)) for f in spectra.f_Hz])
     live[:SLOW_LINES] = False
-    band = _standing_out((train, holdout, reference), spectra, live)
+    band = _standing_out(even, spectra, live)
     if band is None:
         return None
     low, high = band
     excess = np.maximum(spectra.seen - _usual(spectra, low, high), 0.0)
     if excess[low:high] @ live[low:high] < OFF_MAINS * excess[low:high].sum():
         return None
-    return _vibration_found(name, spectra.f_Hz, louder * excess, low, high, spectra.averages)
+    return _vibration_found(catalogue()[name], [*train, *holdout], spectra, louder, band)
 
 
 def louder_at_rest(train: Residuals, holdout: Residuals, reference: Residuals) -> bool:
@@ -85,13 +90,11 @@ def _divided(part: Residuals, times: float) -> Residuals:
 
 
 class _Spectra(NamedTuple):
-    """One-sided densities (k,) in um^2/Hz of the training records and of the reference records, None without any, and
-    how many independent periodograms the first averages."""
+    """One-sided densities (k,) in um^2/Hz of the training records and of the reference records, None without any."""
 
     f_Hz: Samples
     seen: Samples
     before: Samples | None
-    averages: float
 
     def sides(self, low: int, high: int) -> tuple[Lines, Lines]:
         """The lines below and above a band that say what is usual there: the nearest that it does not leak into."""
@@ -101,8 +104,8 @@ class _Spectra(NamedTuple):
 
 def _spectra(train: Residuals, holdout: Residuals, reference: Residuals) -> _Spectra:
     length = _segment([*train, *holdout, *reference])
-    f, seen, averages = _density(train, length)
-    return _Spectra(f, seen, _density(reference, length)[1] if reference else None, averages)
+    f, seen = _density(train, length)
+    return _Spectra(f, seen, _density(reference, length)[1] if reference else None)
 
 
 def _segment(part: Residuals) -> int:
@@ -135,7 +138,7 @@ def _newness(band: tuple[int, int], spectra: _Spectra, parts: Parts) -> float:
     new, again, both = (_band_power(part, lines, step_Hz) for part in (train, holdout, every))
     if reference:
         # A narrow band holds few lines of the reference; its neighbours say as well what is usual there.
-        around = np.arange(max(low - AROUND, 0), high + AROUND)
+        around = np.arange(max(low - AROUND, SLOW_LINES), high + AROUND)
         usual = [_band_power(reference, where, step_Hz) for where in (around, lines)]
     else:
         sides = spectra.sides(low, high)
@@ -152,8 +155,8 @@ def _newness(band: tuple[int, int], spectra: _Spectra, parts: Parts) -> float:
 
 
 def _new_bands(spectra: _Spectra, live: NDArray[np.bool_]) -> tuple[list[tuple[int, int]], int]:
-    """For each width the band with the largest ratio to what is usual, as first and last line (excluded), and how many
-    were compared."""
+    """For each width the band with the largest ratio to what is usual, as first and last line (excluded) without the
+    lines that are left out as slow, and how many were compared."""
     bands, looked = [], 0
     for width in (one for one in WIDTHS if one <= len(spectra.f_Hz)):
         new, lines = (np.convolve(one, np.ones(width), "valid") for one in (spectra.seen * live, live))
@@ -163,7 +166,9 @@ def _new_bands(spectra: _Spectra, live: NDArray[np.bool_]) -> tuple[list[tuple[i
             old = np.array([_usual(spectra, i, i + width) for i in range(len(new))])
             old = np.multiply(lines, old, out=np.zeros_like(new), where=lines > 0)
         ratio = np.divide(new, old, out=np.zeros_like(new), where=old > 0)
-        bands.append((int(np.argmax(ratio)), int(np.argmax(ratio)) + width))
+        first = int(np.argmax(ratio))
+        if first + width > SLOW_LINES:
+            bands.append((max(first, SLOW_LINES), first + width))
         looked += len(ratio)
     return bands, looked
 
@@ -183,22 +188,28 @@ def _band_power(part: Residuals, lines: Lines, step_Hz: float) -> tuple[float, f
     return (float(np.mean(density)), freedom) if density else (0.0, 0.0)
 
 
-def _vibration_found(name: str, f: Samples, excess: Samples, low: int, high: int, averages: float) -> Disturbance:
-    step = float(f[1] - f[0])
-    top = low + int(np.argmax(excess[low:high]))
-    width = (high - low) * step
-    rms = float(np.sqrt(excess[max(low - 2, 1) : high + 2].sum() * step))
-    error = 2 / np.sqrt(averages)
-    params: dict[str, Estimate] = {
-        "rms_um": (rms, "um", (rms * max(1 - error, 0.0), rms * (1 + error))),
-        "f_Hz": (float(f[top]), "Hz", (float(f[low]) - step, float(f[high - 1]) + step)),
-        "bandwidth_Hz": (width, "Hz", (0.3 * width, 3 * width)),
-    }
-    return Disturbance(name, params, rms**2, f"a peak of {1e3 * rms:.3g} nm rms at {f[top]:.4g} Hz in records at rest")
+def _vibration_found(
+    effect: Effect, shaken: Residuals, spectra: _Spectra, louder: float, band: tuple[int, int]
+) -> Disturbance | None:
+    """The vibration whose peak stands in a band, as training and held-out records tell it; None where noise of another
+    level and slope describes them as well, or where it is so broad that it has no peak. ``louder``: times the power of
+    the noise that the spectra had."""
+    f, (low, high) = spectra.f_Hz, band
+    step_Hz = float(f[1])
+    usual = louder * (np.zeros(len(f)) + _usual(spectra, low, high))
+    excess = np.maximum(louder * spectra.seen - usual, 0.0)[low:high]
+    width_Hz, top_Hz = (high - low) * step_Hz, float(f[low + np.argmax(excess)])
+    start = {"rms_um": float(np.sqrt(excess.sum() * step_Hz)), "f_Hz": top_Hz, "bandwidth_Hz": width_Hz}
+    around_Hz = max(float(f[low]) / SIDES, SLOW_LINES * step_Hz), min(SIDES * float(f[high - 1]), float(f[-1]))
+    peak = fitted_peak(effect, shaken, lambda at: np.interp(at, f, usual), around_Hz, bounded(effect, start))
+    rms_um, f_Hz, bandwidth_Hz = (peak.params[one][0] for one in ("rms_um", "f_Hz", "bandwidth_Hz"))
+    if peak.log_likelihood_gained < -math.log(CHANCE_ANY_BAND) or bandwidth_Hz > math.sqrt(2) * f_Hz:
+        return None
+    why = f"a peak of {1e3 * rms_um:.3g} nm rms at {f_Hz:.4g} Hz in records at rest"
+    return Disturbance(effect.name, peak.params, rms_um**2, why)
 
 
-def _density(part: Residuals, length: int) -> tuple[Samples, Samples, float]:
-    """Frequencies (k,), mean one-sided density (k,) and how many independent periodograms it averages."""
+def _density(part: Residuals, length: int) -> tuple[Samples, Samples]:
+    """Frequencies (k,) and mean one-sided density (k,)."""
     spectra = [welch(residual.error_um, residual.rate_Hz, nperseg=length, detrend="linear") for residual in part]
-    averages = sum(1.6 * len(residual.error_um) / length for residual in part)
-    return spectra[0][0], np.mean([s for _, s in spectra], axis=0), float(averages)
+    return spectra[0][0], np.mean([s for _, s in spectra], axis=0)
