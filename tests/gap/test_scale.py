@@ -12,7 +12,7 @@ from rig import Rig
 from phaselead.errors import BadInput
 from phaselead.gap.records import axis_runs
 from phaselead.gap.run import run_gap
-from phaselead.gap.scale import beside_model, exchange_doubts, refuse_unlike_model, scale_doubts
+from phaselead.gap.scale import beside_model, exchange_doubts, refuse_moved_at_rest, refuse_unlike_model, scale_doubts
 from phaselead.identify import fit
 from phaselead.model import AdoptedEffect, AxisModel, Stage, TimeView, catalogue, predict, simulate
 from phaselead.model.effects.filters import resonant
@@ -111,6 +111,22 @@ def test_every_role_that_is_off_is_said():
     holdout = as_written(records()[1], lambda u, x: (u, 1000 * x))
     (line,) = scale_doubts(beside_model(stage(), axis_runs(stage(), train, holdout, records()[0])))
     assert line.startswith("x: the training and held-out records move -1 and 1000 times")
+
+
+def test_a_record_that_moves_while_its_voltage_stands_still_is_refused_by_its_name():
+    """It was taken for one at rest, and a vibration and a hum were named."""
+    train, holdout = records()
+    still = as_written(train[1:], lambda u, x: (np.full_like(u, 5.0), x))
+    with pytest.raises(BadInput, match=r"one-multisine0.9.csv: axis x moves \d+ um while its voltage stands still"):
+        run_gap(stage(), [train[0], *still], holdout)
+
+
+@pytest.mark.parametrize("moves_um", [lambda t: 0.5 * np.log(1 + t), lambda t: 30 * t / t[-1]])
+def test_what_creeps_or_drifts_at_rest_is_at_rest(moves_um):
+    train, holdout = records()
+    t = train[0].t_s - train[0].t_s[0]
+    at_rest = Recording(t, {"x": AxisRecord(np.full(len(t), 5.0), 50 + moves_um(t))}, source="still.csv")
+    refuse_moved_at_rest(stage(), axis_runs(stage(), [*train, at_rest], holdout, []))
 
 
 def test_references_that_the_model_describes_worse_than_the_others_may_be_exchanged():

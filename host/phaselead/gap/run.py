@@ -18,7 +18,7 @@ from phaselead.gap.findings import PROVISIONAL, Cell, GapSize
 from phaselead.gap.locate import axis_cells
 from phaselead.gap.records import GapRun, axis_runs
 from phaselead.gap.result import GapResult
-from phaselead.gap.scale import beside_model, exchange_doubts, refuse_unlike_model, scale_doubts
+from phaselead.gap.scale import beside_model, exchange_doubts, refuse_moved_at_rest, refuse_unlike_model, scale_doubts
 from phaselead.gap.search import Progress
 from phaselead.gap.several_axes import search_together
 from phaselead.gap.verify_on import verify_on
@@ -51,6 +51,7 @@ def run_gap(
     began = time.monotonic()
     report = on_progress or _silent
     runs = axis_runs(stage, train, holdout, reference)
+    refuse_moved_at_rest(stage, runs)
     driven = beside_model(stage, runs)
     refuse_unlike_model(driven)
     doubts = (*scale_doubts(driven), *exchange_doubts(driven), *_provisional_doubts(stage, list(runs)))

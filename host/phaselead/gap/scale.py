@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+from scipy.signal import detrend
 
 from phaselead.errors import BadInput, more_like_it
 from phaselead.gap.goodness_of_fit import FinalFit
@@ -19,6 +20,9 @@ ROLES: dict[Role, str] = {"train": "training", "holdout": "held-out", "reference
 MOST_UNLIKE = TIMES_BASE[-1]
 """Times what the model leaves of other records, beyond which a record is not like them: to the judge it differs from
 the reference records by no more."""
+MOST_AT_REST = 0.2
+"""Share of its travel by which a stage may move at rest, about a straight line: creep after a step over all of it is 10
+to 15 % (Jung and Gweon 2000), and surroundings shake none as far."""
 Moved = tuple[GapRun, Samples, Samples]
 """A record, what the model says of it from the memory that suits it best, and its position, (n,) in um over the scored
 rows."""
@@ -141,6 +145,19 @@ def _left(driven: Sequence[Moved]) -> tuple[float, float] | None:
     moved = sum(float(np.var(x) * len(x)) for _, _, x in driven)
     left = sum(float(np.var(x - said) * len(x)) for _, said, x in driven)
     return (float(np.sqrt(left / moved)), float(np.sqrt(left / rows))) if moved > 0 else None
+
+
+def refuse_moved_at_rest(stage: Stage, runs: Mapping[str, Sequence[GapRun]]) -> None:
+    """Refuse records whose position moves as no stage does while its voltage stands still. Raises BadInput, one
+    line."""
+    for axis, of_axis in runs.items():
+        for run in of_axis:
+            moved_um = float(np.ptp(detrend(run.x_um[run.rows]))) if run.idle else 0.0
+            if moved_um > MOST_AT_REST * range_um(stage.axes[axis]):
+                raise BadInput(
+                    f"{run.source}: axis {axis} moves {digits(moved_um, 2)} um while its voltage stands still: name "
+                    "the column that drives it, or leave the record out"
+                )
 
 
 def refuse_unlike_model(driven: Compared) -> None:
