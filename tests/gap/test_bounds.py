@@ -5,13 +5,16 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from toy import GAIN, Toy, sized
 
-from phaselead.gap.posterior.absent import largest_sizes
+from phaselead.gap.posterior.absent import _largest, largest_sizes
 from phaselead.gap.posterior.detectable import Shapes
 from phaselead.gap.posterior.missed import TIMES_BASE
 from phaselead.gap.posterior.search import Contest
-from phaselead.gap.posterior.starts import Starts
+from phaselead.gap.posterior.starts import SizedGroup, Starts
 from phaselead.gap.regressors import RegressorGroup, typical_sizes
 
 (SIZE,) = GAIN.sizes
@@ -52,3 +55,25 @@ def test_records_with_noise_of_their_own_lower_it():
     among = replace(many.likelihood, expected=silent)
     alone = replace(among, runs=among.runs[:1], shared=among.shared[:1])
     assert bound(among) < 0.7 * bound(alone)
+
+
+def sized_at(**said):
+    """What records say of a size at some values, by the value in typical sizes: amount and deviation, in that value."""
+    groups = {at: RegressorGroup(GAIN, {}, (float(at[1:]) * SIZE.typical,)) for at in said}
+    return [SizedGroup(groups[at], *said[at]) for at in said]
+
+
+def test_what_shows_nothing_until_it_is_large_is_bounded_by_what_would_have_shown():
+    """A rail that the records do not come near, and one a little further in that they would have met: a typical one
+    would change hardly a row, and a straight line from there was a bound of its own making."""
+    silent = (0.0, np.inf)
+    assert _largest(sized_at(x1=silent, x2=silent, x8=(0.0, 0.1))) == 8 * SIZE.typical
+    assert _largest(sized_at(x1=(0.2, 0.9), x2=silent, x8=silent)) == np.inf
+    assert _largest(sized_at(x1=(0.2, 0.9), x2=(0.9, 0.1), x8=(0.0, 0.1))) > 2 * SIZE.typical
+
+
+@given(st.floats(-2, 2), st.floats(0.01, 2.0))
+def test_a_bound_of_what_is_linear_is_the_same_wherever_it_was_simulated(amount, deviation):
+    ladder = {f"x{at}": (amount / at, deviation / at) for at in (0.06, 0.25, 1, 2.5)}
+    alone = _largest(sized_at(x1=(amount, deviation)))
+    assert _largest(sized_at(**ladder)) == pytest.approx(alone)

@@ -10,7 +10,7 @@ from phaselead.gap.error_rates import ONE_SIDED_95
 from phaselead.gap.posterior.missed import MOST_MISSED
 from phaselead.gap.posterior.search import Contest
 from phaselead.gap.posterior.sets import Fit
-from phaselead.gap.posterior.starts import Starts
+from phaselead.gap.posterior.starts import SizedGroup, Starts
 from phaselead.model import Effect
 
 
@@ -19,13 +19,26 @@ def largest_sizes(contest: Contest, fit: Fit, effects: Sequence[Effect]) -> Mapp
     allows most; infinite where the records do not show it. Its equation may miss a share of it."""
     starts = Starts(contest.likelihood, effects) if contest.starts is None else contest.starts.of(contest.likelihood)
     asked = {effect.name for effect in effects}
-    found: dict[str, float] = {}
+    of_shapes: dict[tuple[str, tuple[float, ...]], list[SizedGroup]] = {}
     for sized in starts.sizes(fit):
-        if sized.group.effect.name not in asked:
-            continue
-        step = sized.group.steps[0]
+        if (name := sized.group.effect.name) in asked:
+            of_shapes.setdefault((name, tuple(sized.group.shapes.values())), []).append(sized)
+    found: dict[str, float] = {}
+    for (name, _), at_sizes in of_shapes.items():
+        found[name] = max(found.get(name, 0.0), _largest(at_sizes))
+    return found
+
+
+def _largest(at_sizes: Sequence[SizedGroup]) -> float:
+    """Upper bound of a size from what the records say at some values of it, one where it is linear. Where it is not,
+    small ones may show nothing and large ones all the more: each says how large it may be, up to the next larger one
+    where that cannot be."""
+    found = cannot_be = np.inf
+    for sized in sorted(at_sizes, key=lambda one: -one.group.steps[0]):
         deviation = float(np.hypot(sized.deviation, MOST_MISSED * sized.amount))
-        at_most = (abs(sized.amount) + ONE_SIDED_95 * deviation) * step
-        name = sized.group.effect.name
-        found[name] = max(found.get(name, 0.0), at_most)
+        times = abs(sized.amount) + ONE_SIDED_95 * deviation
+        found = min(times * sized.group.steps[0], cannot_be)
+        if times >= 1:
+            break
+        cannot_be = sized.group.steps[0]
     return found

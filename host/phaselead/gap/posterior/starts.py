@@ -113,13 +113,14 @@ class Starts:
         return self._sized(fit, groups, [self._of(run, groups) for run in range(len(self.likelihood.runs))])
 
     def sizes(self, fit: Fit) -> list[SizedGroup]:
-        """What the records say of the first size of every shape beside a set, simulated at its typical size. As in an
-        interval, an octave says it once in however many records the stage moves there."""
+        """What the records say of the first size of every shape beside a set, simulated at its typical size, and where
+        it is not linear in it at each of the usual sizes. As in an interval, an octave says it once in however many
+        records the stage moves there."""
         likelihood, found = self.likelihood, []
         moved = np.where(likelihood.changed, likelihood.base, 0.0)
         once = likelihood.independent(fit.terms, [fit.share], moved)[0]
         for group, slope, curvature in self.moments(fit, self.shapes.groups, self.shapes.columns, once):
-            if group.effect.name in fit.names or group.steps != typical_sizes(group.effect):
+            if group.effect.name in fit.names:
                 continue
             inverse = np.linalg.inv(curvature + np.diag([LEAST_POWER, *np.full(len(slope) - 1, 1 / LARGEST**2)]))
             # What a set takes up to the last digit leaves a power that rounding may turn negative.
