@@ -97,6 +97,15 @@ def test_records_of_one_part_alone_are_named():
     assert "the held-out records move -1 times" in line
 
 
+@pytest.mark.parametrize("role", [0, 1])
+def test_one_record_that_is_turned_round_among_others_is_named(role):
+    """Together with the others of its role it moved neither one way nor the other, and nothing was said."""
+    parts = [list(part) for part in records()]
+    parts[role][0] = as_written(parts[role][:1], lambda u, x: (u, -x))[0]
+    (said,) = scale_doubts(beside_model(stage(), axis_runs(stage(), *parts, [])))
+    assert said.startswith(f"{parts[role][0].source}: axis x moves -")
+
+
 def test_the_answer_says_it():
     train, holdout = (as_written(part, lambda u, x: (u, -x)) for part in records())
     found = run_gap(stage(), train, holdout, without=tuple(name for name in catalogue() if name != "delay"))

@@ -188,10 +188,21 @@ def _doubt(axis: str, driven: Sequence[Moved]) -> list[str]:
     known = _gains_of_roles(driven)
     off = {role: gain for role, gain in known.items() if out_of_scale(gain)}
     if not off:
-        return []
+        return _doubt_of_one(axis, driven)
     roles = " and ".join(ROLES[role] for role in off)
     which = "records" if len(off) == len(known) else f"{roles} records"
     return [f"{axis}: the {which} move {scale_doubt(off.values())}"]
+
+
+def _doubt_of_one(axis: str, driven: Sequence[Moved]) -> list[str]:
+    """One line where single records move as no change of the stage makes them: among others of their role they may not
+    tell."""
+    gains = [(run, slow_gain([(said, moved)])) for run, said, moved in driven if run.driven_well and np.ptp(said) > 0]
+    off = [(run, gain) for run, gain in gains if gain is not None and out_of_scale(gain)]
+    if not off:
+        return []
+    (run, gain), *more = off
+    return [f"{run.source}: axis {axis} moves {scale_doubt([gain])}{more_like_it(len(more))}"]
 
 
 def _gains_of_roles(driven: Sequence[Moved]) -> dict[Role, float]:
