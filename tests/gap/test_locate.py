@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from phaselead.gap.error_rates import ERROR_RATE
+from phaselead.gap.findings import NamedEffect
 from phaselead.gap.locate.cells import AMPLITUDE, DIRECTION, FREQUENCY, HARMONIC, STEP
 from phaselead.gap.locate.ranking import axis_cells, rank_cells
-from phaselead.gap.locate.sentences import headline, sentence_of
+from phaselead.gap.locate.sentences import explained, headline, sentence_of
 from phaselead.gap.noise import Noise
 from phaselead.gap.records import GapRun
 from phaselead.gap.residual import RunResidual
@@ -176,3 +177,9 @@ def test_nothing_is_said_of_nothing():
     run = run_of(sine())
     assert rank_cells([RunResidual(run, np.zeros(len(run.u_V)))], SENSOR) == []
     assert headline([]) is None
+
+
+def test_an_offset_is_not_said_to_explain_nothing():
+    """The gap is about each record's own mean: "offset: 0 % of the unexplained power" read like a name for nothing."""
+    assert "0 %" not in explained(NamedEffect("offset", {}, 0.0))
+    assert explained(NamedEffect("creep", {}, 0.25)) == "25 % of the unexplained power"

@@ -24,7 +24,7 @@ from phaselead.gap.findings import (
     Trace,
     parameter_rows,
 )
-from phaselead.gap.locate import excludes, headline, percent, three_digits, typical_of, unit_of
+from phaselead.gap.locate import excludes, explained, headline, three_digits, typical_of, unit_of
 from phaselead.gap.posterior import MOST_STATED
 from phaselead.gap.residual import left_um
 from phaselead.gap.result import GapResult
@@ -51,12 +51,12 @@ __all__ = [
     "check_port",
     "excitation_of",
     "excludes",
+    "explained",
     "headline",
     "keep_freed_memory",
     "left_um",
     "modes_crossed_Hz",
     "parameter_rows",
-    "percent",
     "proposal_of",
     "read_proposal",
     "refuse_other_rate",

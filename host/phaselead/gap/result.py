@@ -25,7 +25,7 @@ from phaselead.gap.findings import (
     parameter_rows,
     parameter_texts,
 )
-from phaselead.gap.locate import excludes, headline, percent, three_digits, unit_of
+from phaselead.gap.locate import excludes, explained, headline, three_digits, unit_of
 from phaselead.gap.posterior import MOST_MISSED
 from phaselead.gap.unexplained import Unexplained
 from phaselead.gap.verify_on import TrackingComparison
@@ -202,7 +202,7 @@ class GapResult(Result):
         parts: list[Table | str] = [f"verdict: {', '.join(self.verdicts)}", *self.doubts]
         for effect in self.effects:
             on = f" ({effect.axis})" if effect.axis else ""
-            parts.append(f"{effect.name}{on}: {percent(effect.share)} of the unexplained power; {effect.why}")
+            parts.append(f"{effect.name}{on}: {explained(effect)}; {effect.why}")
             headings = ("parameter", "value", "95 % interval", "unit")
             parts.append(Table(headings, tuple(parameter_texts(self.sizes_of(effect)))))
         parts += [f"these records cannot tell apart: {', '.join(tie)}" for tie in self.ties]

@@ -123,7 +123,8 @@ def _unlike(records: Sequence[_LeftOfRecord], others: Sequence[tuple[float, floa
     name, most = max(far, key=lambda pair: pair[1])
     return [
         f"{name}: of its motion the model with what was found leaves {digits(100 * most, 2)} %, of the others "
-        f"at most {digits(100 * share, 2)} %{more_like_it(len(far) - 1)}: is it of this stage, and in its units?"
+        f"at most {digits(100 * share, 2)} %{more_like_it(len(far) - 1)}: is it of this stage, in its units, "
+        "and driven no further or faster than the others?"
     ]
 
 

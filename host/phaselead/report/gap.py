@@ -28,8 +28,8 @@ from phaselead.gap import (
     TrackedPath,
     TrackingComparison,
     excludes,
+    explained,
     parameter_rows,
-    percent,
     three_digits,
     typical_of,
     unit_of,
@@ -224,7 +224,7 @@ def effect_part(effect: NamedEffect, sizes: Sequence[tuple[str, float, float, fl
     entry = catalogue().get(effect.name)
     rows = [scaled_row(*row) for row in sizes]
     return {
-        "title": begun(_title(effect)), "name": effect.name, "share": percent(effect.share), "why": effect.why,
+        "title": begun(_title(effect)), "name": effect.name, "share": explained(effect), "why": effect.why,
         "rows": rows, "probability": f"{effect.probability:.3g}",
         "equation": in_prose(entry.equation) if entry else "", "shows": in_prose(entry.shows) if entry else "",
         "compensation": in_prose(entry.compensation) if entry else "", "source": entry.source if entry else "",

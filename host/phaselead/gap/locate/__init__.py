@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from phaselead.gap.locate.ranking import axis_cells, rank_cells
-from phaselead.gap.locate.sentences import excludes, headline, percent, three_digits, typical_of, unit_of
+from phaselead.gap.locate.sentences import excludes, explained, headline, three_digits, typical_of, unit_of
 
 __all__ = [
     "axis_cells",
     "excludes",
+    "explained",
     "headline",
-    "percent",
     "rank_cells",
     "three_digits",
     "typical_of",

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from phaselead.gap.error_rates import ERROR_RATE
-from phaselead.gap.findings import Bound, Cell
+from phaselead.gap.findings import Bound, Cell, NamedEffect
 from phaselead.gap.locate.cells import AMPLITUDE, AXIS, DIRECTION, FREQUENCY, HARMONIC, STEP
 from phaselead.gap.locate.steps import ALL
 from phaselead.model import catalogue
@@ -55,6 +55,14 @@ def three_digits(value: float) -> str:
 def percent(share: float) -> str:
     """A share of the power in per cent; a small one is never printed as 0."""
     return "less than 1 %" if 0 < share < 0.005 else f"{100 * share:.0f} %"
+
+
+def explained(effect: NamedEffect) -> str:
+    """How much of the gap a named effect explains, in words."""
+    known = catalogue().get(effect.name)
+    if known is not None and known.moves_zero == "at once":
+        return "none of the gap, which is about each record's own mean"
+    return f"{percent(effect.share)} of the unexplained power"
 
 
 def typical_of(bound: Bound) -> float | None:
