@@ -8,10 +8,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from phaselead.api import recording, verify
+from phaselead.api import fit, recording, verify
 from phaselead.errors import BadInput
 from phaselead.model import AdoptedEffect, AxisModel, Stage, TimeView, simulate
 from phaselead.record import Recording
+from phaselead.record.exporting import write_csv
 
 RATE_HZ = 500.0
 VIEW = TimeView(gain_um_per_V=20.0, u_range_V=(0.0, 5.0), rate_Hz=RATE_HZ)
@@ -55,6 +56,27 @@ def test_another_unit_or_sign_is_said_in_one_line(gain, volts, said):
     assert line.endswith("(1 more like it)")
     assert "check units, signs and columns" in line
     assert line in str(found)
+
+
+@pytest.mark.parametrize(("per_second", "unit"), [(1e3, "ms"), (1e6, "us"), (1.0, None), (3.0, None)])
+def test_times_in_another_unit_are_asked_about(per_second, unit):
+    slow = replace(record(), t_s=per_second * T_s)
+    found = [line for line in verify(STAGE, slow).doubts if "are its times in" in line]
+    assert len(found) == (unit is not None)
+    assert (
+        not found
+        or f"rec.csv: is sampled at {RATE_HZ / per_second:g} Hz, the model at 500 Hz; are its times in {unit}"
+        in found[0]
+    )
+
+
+def test_rows_that_are_given_twice_are_refused_by_fit(tmp_path):
+    """They would count twice; windows of one file that share no time are two records."""
+    path = tmp_path / "rec.csv"
+    write_csv(path, record())
+    with pytest.raises(BadInput, match=r"rec\.csv@0\.5:: its rows are also in another record .*; give them once"):
+        fit([f"{path}@0:0.6", f"{path}@0.5:"])
+    fit([f"{path}@0:0.5", f"{path}@0.6:"], base="linear")
 
 
 def test_what_a_stage_can_come_to_is_no_doubt():

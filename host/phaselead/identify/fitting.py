@@ -38,7 +38,7 @@ from phaselead.model import (
     explained,
     provenance_of,
 )
-from phaselead.record import Recording, doubts_about
+from phaselead.record import Recording, doubts_about, same_measurement
 
 Base = Literal["operator", "linear"]
 
@@ -206,6 +206,10 @@ def _refuse_mixture(recordings: Sequence[Recording]) -> None:
     if not recordings:
         raise BadInput("no recordings to fit; give at least one file")
     first = recordings[0]
+    for i, other in enumerate(recordings):
+        twice = [one for one in recordings[:i] if one.sha256 == other.sha256 != "" and same_measurement(one, other)]
+        if twice:
+            raise BadInput(f"{other.source}: its rows are also in another record ({twice[0].source}); give them once")
     for other in recordings[1:]:
         if len(other.axes) != len(first.axes):
             raise BadInput(
