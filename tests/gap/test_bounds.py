@@ -16,6 +16,7 @@ from phaselead.gap.posterior.missed import TIMES_BASE
 from phaselead.gap.posterior.search import Contest
 from phaselead.gap.posterior.starts import SizedGroup, Starts
 from phaselead.gap.regressors import RegressorGroup, typical_sizes
+from phaselead.model import catalogue
 
 (SIZE,) = GAIN.sizes
 NINE_RECORDS = ("train",) * 6 + ("holdout",) * 3
@@ -70,6 +71,21 @@ def test_what_shows_nothing_until_it_is_large_is_bounded_by_what_would_have_show
     assert _largest(sized_at(x1=silent, x2=silent, x8=(0.0, 0.1))) == 8 * SIZE.typical
     assert _largest(sized_at(x1=(0.2, 0.9), x2=silent, x8=silent)) == np.inf
     assert _largest(sized_at(x1=(0.2, 0.9), x2=(0.9, 0.1), x8=(0.0, 0.1))) > 2 * SIZE.typical
+
+
+def test_what_another_size_may_take_is_the_same_at_whatever_size_it_was_simulated():
+    """Its prior is in typical sizes. Of a rail simulated at a sixteenth of one the other was held to nearly nothing."""
+    saturation = catalogue()["saturation"]
+    toy = Toy(0, [sized(0.0)], 0.0, 0.0, 1e4, ("train",) * 3)
+    starts = Starts(toy.likelihood, [saturation])
+    steps = [tuple(at * s for s in typical_sizes(saturation)) for at in (0.06, 1.0, 2.5)]
+    starts.shapes = Shapes([], [np.zeros((0, 0), np.float32)])
+    starts.moments = lambda *_: [  # type: ignore[method-assign]
+        (RegressorGroup(saturation, {}, step), np.zeros(2), (step[0] / 0.05) ** 2 * np.array([[4.0, 3.6], [3.6, 4.0]]))
+        for step in steps
+    ]
+    found = starts.sizes(toy.likelihood.fit(()))
+    assert np.ptp([one.deviation * one.group.steps[0] for one in found]) < 1e-6
 
 
 @given(st.floats(-2, 2), st.floats(0.01, 2.0))

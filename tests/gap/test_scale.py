@@ -14,7 +14,7 @@ from phaselead.gap.records import axis_runs
 from phaselead.gap.run import run_gap
 from phaselead.gap.scale import beside_model, exchange_doubts, refuse_moved_at_rest, refuse_unlike_model, scale_doubts
 from phaselead.identify import fit
-from phaselead.model import AdoptedEffect, AxisModel, Stage, TimeView, catalogue, predict, simulate
+from phaselead.model import AdoptedEffect, AxisModel, Stage, TimeView, catalogue, predict, range_um, simulate
 from phaselead.model.effects.filters import resonant
 from phaselead.model.scale import scale_range
 from phaselead.record.recording import AxisRecord, Recording
@@ -106,6 +106,13 @@ def test_one_record_that_is_turned_round_among_others_is_named(role):
     assert said.startswith(f"{parts[role][0].source}: axis x moves -")
 
 
+def test_a_small_record_that_drifts_is_not_asked_about():
+    train, holdout = records()
+    t = train[0].t_s
+    small = Recording(t, {"x": AxisRecord(5 + 0.01 * np.sin(5 * t), 50 - 0.5 * np.sin(5 * t))}, source="small.csv")
+    assert scale_doubts(beside_model(stage(), axis_runs(stage(), [*train, small], holdout, []))) == ()
+
+
 def test_the_answer_says_it():
     train, holdout = (as_written(part, lambda u, x: (u, -x)) for part in records())
     found = run_gap(stage(), train, holdout, without=tuple(name for name in catalogue() if name != "delay"))
@@ -130,12 +137,32 @@ def test_a_record_that_moves_while_its_voltage_stands_still_is_refused_by_its_na
         run_gap(stage(), [train[0], *still], holdout)
 
 
-@pytest.mark.parametrize("moves_um", [lambda t: 0.5 * np.log(1 + t), lambda t: 30 * t / t[-1]])
-def test_what_creeps_or_drifts_at_rest_is_at_rest(moves_um):
+@pytest.mark.parametrize("share", [0.15, 0.25])
+@pytest.mark.parametrize("shape", [lambda t: np.sin(40 * t) / 2, lambda t: 2 * np.exp(-4 * t)])
+def test_what_creeps_at_rest_is_at_rest_and_what_moves_further_is_not(shape, share):
     train, holdout = records()
     t = train[0].t_s - train[0].t_s[0]
-    at_rest = Recording(t, {"x": AxisRecord(np.full(len(t), 5.0), 50 + moves_um(t))}, source="still.csv")
-    refuse_moved_at_rest(stage(), axis_runs(stage(), [*train, at_rest], holdout, []))
+    x_um = 50 + 30 * t / t[-1] + share * range_um(stage().axes["x"]) * shape(t)
+    x_um[77] = 100.0  # a bad row
+    at_rest = Recording(t, {"x": AxisRecord(np.full(len(t), 5.0), x_um)}, source="still.csv")
+    runs = axis_runs(stage(), [*train, at_rest], holdout, [])
+    if share < 0.2:
+        refuse_moved_at_rest(stage(), runs)
+    else:
+        with pytest.raises(BadInput, match=r"still\.csv: axis x moves"):
+            refuse_moved_at_rest(stage(), runs)
+
+
+def test_a_hold_that_still_rings_of_what_was_before_is_at_rest():
+    view = TimeView(gain_um_per_V=20.0, u_range_V=(0.0, 5.0), rate_Hz=1000.0)
+    mode = AdoptedEffect(name="resonance", params={"f_Hz": 60.0, "zeta": 0.02})
+    ringing = Stage(name="mode", axes={"x": AxisModel(time=view, effects=(mode,))})
+    t_s, u_V = np.arange(4000) / 1000.0, np.r_[np.zeros(1000), np.full(3000, 5.0)]
+    x_um = simulate(ringing.axis("x"), t_s, u_V)[-4000:]
+    hold = Recording(t_s, {"x": AxisRecord(u_V, x_um)}, scored=slice(1000, 4000), source="hold.csv")
+    moved = Recording(t_s, {"x": AxisRecord(2 + np.sin(20 * t_s), 20 * (2 + np.sin(20 * t_s)))}, source="moved.csv")
+    other = Recording(t_s, {"x": AxisRecord(2 + np.sin(30 * t_s), 20 * (2 + np.sin(30 * t_s)))}, source="other.csv")
+    refuse_moved_at_rest(ringing, axis_runs(ringing, [moved, hold], [other], []))
 
 
 def test_references_that_the_model_describes_worse_than_the_others_may_be_exchanged():

@@ -94,7 +94,7 @@ def sine_record(
 
 
 def record(t: Array, u: Array, x: Array | None, scored: slice = slice(None), source: str = "made") -> Recording:
-    return Recording(t, {"x": AxisRecord(u, x)}, scored, source, "0" * 64)
+    return Recording(t, {"x": AxisRecord(u, x)}, scored, source)
 
 
 @dataclass(frozen=True)

@@ -57,7 +57,7 @@ def records(per_decade: float, seed: int = 1) -> list[Recording]:
         x = play_stack(u, SPAN_V)
         x = x + crept(x, per_decade) + rng.normal(0, 0.005, len(u))
         t = np.arange(len(u)) / RATE_HZ
-        found.append(Recording(t, {"x": AxisRecord(u, x)}, slice(None), name, "1" * 64))
+        found.append(Recording(t, {"x": AxisRecord(u, x)}, slice(None), name))
     return found
 
 
@@ -92,7 +92,7 @@ def test_a_sine_of_one_frequency_does_not_tell_creep_from_a_loop():
     u = SPAN_V * (0.5 - 0.5 * np.cos(2 * np.pi * t))
     x = play_stack(u, SPAN_V)
     x = x + crept(x, 0.02)
-    assert creep_of([Recording(t, {"x": AxisRecord(u, x)}, slice(None), "sine", "1" * 64)]) == 0.0
+    assert creep_of([Recording(t, {"x": AxisRecord(u, x)}, slice(None), "sine")]) == 0.0
 
 
 @pytest.mark.parametrize("share", [1.0, 0.05])

@@ -44,7 +44,7 @@ def three_axes(
     for name in "xyz":
         sees = 1.0 if name == driven else share * (2 if name == "y" else 1)
         axes[name] = AxisRecord(u if name == driven else 0 * u, sees * own + rng.normal(0, noise_um, len(t)))
-    return Recording(t, axes, slice(None), f"{driven} driven", "1" * 64)
+    return Recording(t, axes, slice(None), f"{driven} driven")
 
 
 def test_a_grid_gives_both_views(grid, fitted):

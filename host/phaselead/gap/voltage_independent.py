@@ -23,8 +23,8 @@ from phaselead.model import Effect, catalogue
 _OF_DISTURBANCE, _OF_SHIFT = 1 - FOUND_AGAIN, 1 - ERROR_RATE
 """Probability that what one test has found is there: all but its false alarms."""
 KNOWN_WITHIN = 2.0
-"""Factor in power to which a disturbance is known: the stated error of a vibration is of that size, and the training
-records, of which a hum and a jitter are told, may be other than the held-out ones."""
+"""Factor in power to which a disturbance is known: surroundings are as loud as they like from one record to the next,
+and a hum and a jitter are told of the training records alone. Chosen, not measured."""
 
 
 @dataclass(frozen=True)

@@ -7,6 +7,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
+import numpy as np
+
 from phaselead.errors import BadInput, more_like_it
 from phaselead.identify.coupling import CouplingMatrix, cross_coupling, decoupled
 from phaselead.identify.modal import FittedModes, fit_straight, fit_together, fit_with_creep, measured_response
@@ -207,7 +209,7 @@ def _refuse_mixture(recordings: Sequence[Recording]) -> None:
         raise BadInput("no recordings to fit; give at least one file")
     first = recordings[0]
     for i, other in enumerate(recordings):
-        twice = [one for one in recordings[:i] if one.sha256 == other.sha256 != "" and same_measurement(one, other)]
+        twice = [one for one in recordings[:i] if _share_rows(one, other)]
         if twice:
             raise BadInput(f"{other.source}: its rows are also in another record ({twice[0].source}); give them once")
     for other in recordings[1:]:
@@ -222,6 +224,15 @@ def _refuse_mixture(recordings: Sequence[Recording]) -> None:
                 f"{first.rate_Hz:.6g} Hz; "
                 "fit recordings of one rate together"
             )
+
+
+def _share_rows(a: Recording, b: Recording) -> bool:
+    """Whether two recordings are of one file and some of their rows are the same."""
+    if not a.sha256 or a.sha256 != b.sha256 or not same_measurement(a, b):
+        return False
+    n = min(len(a.t_s), len(b.t_s))  # a window has all rows before it
+    pairs = [(a.axes[axis].x_um, b.axes[axis].x_um) for axis in a.axes if axis in b.axes]
+    return all(x is None or y is None or np.array_equal(x[:n], y[:n]) for x, y in pairs)
 
 
 def _runs_by_axis(recordings: Sequence[Recording]) -> tuple[dict[str, list[AxisRun]], list[str]]:

@@ -7,13 +7,15 @@ beside them.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import math
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
 from scipy.optimize import minimize
 from scipy.signal import periodogram
+from scipy.stats import chi2, gamma
 
 from phaselead.gap.disturbances.disturbance import Residuals
 from phaselead.gap.error_rates import TWO_SIDED_95
@@ -26,16 +28,25 @@ INDEPENDENT = 1.94
 """Lines of a periodogram with a Hann window that say as much as one alone: neighbours have 4/9, the next 1/36 of their
 scatter in common."""
 FINER = 4
-"""Places between lines at which a peak is looked at: it may be narrower than they are apart."""
-WIDTHS = (0.1, 0.3, 1.0)
-"""Bandwidths that are begun from, in that of the band in which the peak was seen."""
-DIFFERENCE = 0.05
-"""Finite difference of the logarithm of a parameter."""
-LOUDER = 2.0
+"""Places between lines at which a peak is looked at."""
+NARROWEST = 0.5
+"""Bandwidth in lines below which one peak looks like another."""
+START_BANDWIDTHS = (0.1, 0.3, 1.0)
+"""That are begun from, in that of the band in which the peak was seen."""
+NOISE_LOG_STD = 2.0
 """Prior deviation of the logarithm of the noise's level, and of its slope, from what is usual: a factor of 7 in
 power."""
-LEAST = 1e-6
-"""Of a typical value: what counts as the lower end of a range that ends at 0."""
+LOG_STEP = 0.05
+"""Finite difference of the logarithm of a parameter."""
+LEAST_DENSITY = 1e-24
+"""In um^2/Hz: a picometre in a whole hertz. A sensor whose noise is below half a step seems to have none."""
+AT_END = 0.02
+"""Of the logarithm of a frequency: as near as this it stands at an end of its range."""
+
+Density = Callable[[Samples], Samples]
+"""One-sided density in um^2/Hz at some frequencies (k,) in Hz."""
+Shaken = Sequence[tuple[Residuals, Density]]
+"""Records at rest, and the density that is usual in them."""
 
 
 @dataclass(frozen=True)
@@ -43,91 +54,120 @@ class Peak:
     """A peak that was fitted."""
 
     params: dict[str, Estimate]
-    log_likelihood_gained: float
-    """Above noise of another level and slope alone."""
+    chance: float
+    """Probability that noise of another level and slope alone looks as much like one at this place."""
+    inside: bool
+    """Whether it lies within the frequencies where it was looked for, and at none of their ends."""
+    filled: float
+    """Probability that the lines at its top hold as little as they do: two peaks leave a gap there."""
 
 
 def fitted_peak(
     effect: Effect,
-    part: Residuals,
-    usual_um2_per_Hz: Callable[[Samples], Samples],
-    within_Hz: tuple[float, float],
-    start: Mapping[str, float],
+    shaken: Shaken,
+    band_Hz: tuple[float, float],
+    sides_Hz: tuple[float, float],
+    start: tuple[float, float],
 ) -> Peak:
-    """Value, unit and 95 % interval of each parameter of ``effect``, which has a spectrum and whose parameters are all
-    positive, from the lines between two frequencies of some records at rest; the peak is between these.
+    """The peak of ``effect``, whose parameters are rms_um, f_Hz and bandwidth_Hz, with a frequency in ``band_Hz``,
+    fitted to the lines within ``sides_Hz``. ``start``: rms in um and frequency in Hz to begin from."""
+    of = {p.name: p for p in effect.parameters}
+    middle_Hz = math.sqrt(sides_Hz[0] * sides_Hz[1])
+    records = [_Lines(one, sides_Hz, usual, middle_Hz) for part, usual in shaken for one in part]
+    width = of["bandwidth_Hz"]
+    narrowest_Hz = max(width.low, NARROWEST * min(one.step_Hz for one in records))
+    rms_low_um = 1e-6 * of["rms_um"].typical
+    ranges = {
+        "rms_um": (rms_low_um, of["rms_um"].high),
+        "f_Hz": (max(band_Hz[0], of["f_Hz"].low), min(band_Hz[1], of["f_Hz"].high)),
+        "bandwidth_Hz": (narrowest_Hz, width.high),
+    }
+    low, high = np.log(list(ranges.values())).T
 
-    ``usual_um2_per_Hz``: one-sided density without the effect at some frequencies, whose level and slope may be others;
-    ``start``: parameters to begin from, each within its range.
-    """
-    of, middle_Hz = effect.parameters, float(np.sqrt(within_Hz[0] * within_Hz[1]))
-    records = [_Lines(residual, within_Hz, usual_um2_per_Hz, middle_Hz) for residual in part]
-    ranges = [within_Hz if p.name == "f_Hz" else (max(p.low, LEAST * p.typical), p.high) for p in of]
-    low, high = np.log(ranges).T
+    def peak_misfit(x: Samples) -> float:
+        """Of the logarithms of the parameters, and of the noise's level and slope."""
+        inside = np.clip(x[:3], low, high)
+        params = dict(zip(ranges, np.exp(inside).tolist(), strict=True))
+        peaks = [one.peak(effect, params) for one in records]
+        return _misfit(records, peaks, x[3], x[4]) + float(np.sum((x[:3] - inside) ** 2))
 
-    def misfit(x: Samples) -> float:
-        """Of logarithms of the parameters, level and slope, in this order; of the last two alone there is no peak."""
-        logs, (level, slope) = x[:-2], x[-2:]
-        inside = np.clip(logs, low[: len(logs)], high[: len(logs)])
-        params = {p.name: value for p, value in zip(of, np.exp(inside).tolist(), strict=False)}
-        lines = sum(one.misfit(effect, params, level, slope) for one in records)
-        unlikely = (level**2 + slope**2) / (2 * LOUDER**2)
-        return float(lines / INDEPENDENT + np.sum((logs - inside) ** 2) + unlikely)
+    def noise_misfit(x: Samples) -> float:
+        return _misfit(records, [0.0] * len(records), x[0], x[1])
 
-    noise = minimize(misfit, np.zeros(2), method="Nelder-Mead")
-    at = np.log([start[p.name] for p in of])
-    fits = []
-    for times in WIDTHS:
-        narrower = at + np.log([times if p.name == "bandwidth_Hz" else 1.0 for p in of])
-        begun = np.concatenate([np.clip(narrower, low, high), np.zeros(2)])
-        fits.append(minimize(misfit, begun, method="Nelder-Mead", options={"adaptive": True, "maxiter": 2000}))
-    best = min(fits, key=lambda fit: float(fit.fun))
-    logs = np.clip(best.x[:-2], low, high)
-    # Of what the lines do not tell at all, any value of its range is as likely.
-    least = np.concatenate([12 / (high - low) ** 2, np.zeros(2)])
-    informed, axes = np.linalg.eigh(_curvature(misfit, np.concatenate([logs, best.x[-2:]])) + np.diag(least))
-    spread = np.sqrt((axes**2 / np.maximum(informed, least[:-2].min())).sum(axis=1))[:-2]
-    ends = np.clip([logs - TWO_SIDED_95 * spread, logs + TWO_SIDED_95 * spread], low, high)
-    rows = zip(of, np.exp(logs).tolist(), *np.exp(ends).tolist(), strict=True)
-    params: dict[str, Estimate] = {p.name: (value, p.unit, (least, most)) for p, value, least, most in rows}
-    return Peak(params, float(noise.fun - best.fun))
+    starts = [(*start, share * (band_Hz[1] - band_Hz[0])) for share in START_BANDWIDTHS]
+    begun = [np.concatenate([np.clip(np.log(start), low, high), np.zeros(2)]) for start in starts]
+    options = {"adaptive": True, "maxiter": 2000}
+    best = min(
+        (minimize(peak_misfit, x, method="Nelder-Mead", options=options) for x in begun), key=lambda fit: fit.fun
+    )
+    noise = minimize(noise_misfit, np.zeros(2), method="Nelder-Mead")
+    at = np.clip(best.x[:3], low, high)
+    spread = _deviations(peak_misfit, np.concatenate([at, best.x[3:]]), high - low)
+    ends = np.clip([at - TWO_SIDED_95 * spread, at + TWO_SIDED_95 * spread], low, high)
+    values, lows, highs = (dict(zip(ranges, np.exp(one).tolist(), strict=True)) for one in (at, *ends))
+    if lows["bandwidth_Hz"] <= (1 + AT_END) * narrowest_Hz:
+        lows["bandwidth_Hz"] = width.low  # it may be as narrow as it likes
+    params: dict[str, Estimate] = {name: (values[name], of[name].unit, (lows[name], highs[name])) for name in of}
+    chance = float(chi2.sf(2 * (float(noise.fun) - float(best.fun)), len(of)))
+    inside = bool(low[1] + AT_END < at[1] < high[1] - AT_END)
+    tops = np.concatenate([one.at_top(effect, values, *best.x[3:]) for one in records])
+    told = len(tops) / INDEPENDENT
+    return Peak(params, chance, inside, float(gamma.cdf(tops.mean() * told, told)) if len(tops) else 0.0)
 
 
 class _Lines:
     """The lines of one record's periodogram between two frequencies."""
 
-    def __init__(
-        self,
-        residual: RunResidual,
-        within_Hz: tuple[float, float],
-        usual_um2_per_Hz: Callable[[Samples], Samples],
-        middle_Hz: float,
-    ) -> None:
+    def __init__(self, residual: RunResidual, sides_Hz: tuple[float, float], usual: Density, middle_Hz: float) -> None:
         f, p = periodogram(residual.error_um, residual.rate_Hz, window="hann", detrend="linear")
-        inside = (f >= within_Hz[0]) & (f <= within_Hz[1])
-        self.rate_Hz, self.seen, self.usual = residual.rate_Hz, p[inside], usual_um2_per_Hz(f[inside])
+        # The line at half the sampling rate is distributed otherwise.
+        inside = (f >= sides_Hz[0]) & (f <= sides_Hz[1]) & (f < residual.rate_Hz / 2)
+        self.rate_Hz, self.step_Hz, self.seen = residual.rate_Hz, float(f[1]), p[inside]
+        self.usual = np.maximum(usual(f[inside]), LEAST_DENSITY)
         self.log_f = np.log(f[inside] / middle_Hz)
-        # Where the window sees a line: what is so many lines off leaks into it.
+        # Share of the power so many lines away that a Hann window leaks into a line.
         off = (np.arange(4 * FINER) - 2 * FINER + 0.5) / FINER
         self.leaks = (np.sinc(off) / (1 - off**2)) ** 2
         self.leaks /= self.leaks.sum()
-        self.f_Hz = np.abs(f[inside][:, None] + off * f[1])
+        self.around_Hz = np.abs(f[inside][:, None] + off * f[1])
 
-    def misfit(self, effect: Effect, params: Mapping[str, float], level: float, slope: float) -> float:
-        """Minus the logarithm of how likely the lines are, but for a constant; without parameters, without a peak."""
+    def peak(self, effect: Effect, params: Mapping[str, float]) -> Samples:
+        """Density (k,) of an effect in the lines."""
         assert effect.spectrum is not None
-        density = self.usual * np.exp(np.clip(level + slope * self.log_f, -50, 50))
-        if params:
-            density = density + effect.spectrum(self.f_Hz, params, self.rate_Hz) @ self.leaks
+        return np.asarray(effect.spectrum(self.around_Hz, params, self.rate_Hz) @ self.leaks)
+
+    def misfit(self, peak: Samples | float, level: float, slope: float) -> float:
+        """Minus the logarithm of how likely the lines are, but for a constant, as if all were independent."""
+        density = self._density(peak, level, slope)
         return float(np.sum(np.log(density) + self.seen / density))
 
+    def at_top(self, effect: Effect, params: Mapping[str, float], level: float, slope: float) -> Samples:
+        """What the lines (n,) within the half-power bandwidth hold, of what they should, and at least the nearest."""
+        f_Hz, reach_Hz = self.around_Hz.mean(axis=1), max(params["bandwidth_Hz"], self.step_Hz) / 2
+        top = np.abs(f_Hz - params["f_Hz"]) <= reach_Hz
+        return np.asarray((self.seen / self._density(self.peak(effect, params), level, slope))[top])
 
-def _curvature(misfit: Callable[[Samples], float], at: Samples) -> Samples:
-    """Second derivatives (k, k) by central differences."""
-    steps = DIFFERENCE * np.eye(len(at))
-    found = np.zeros((len(at), len(at)))
+    def _density(self, peak: Samples | float, level: float, slope: float) -> Samples:
+        """That is expected (k,)."""
+        return np.asarray(self.usual * np.exp(np.clip(level + slope * self.log_f, -50, 50)) + peak)
+
+
+def _misfit(records: Sequence[_Lines], peaks: Sequence[Samples | float], level: float, slope: float) -> float:
+    """Minus the logarithm of how likely all lines are, and the noise's level and slope, but for a constant."""
+    lines = sum(one.misfit(peak, level, slope) for one, peak in zip(records, peaks, strict=True))
+    return lines / INDEPENDENT + (level**2 + slope**2) / (2 * NOISE_LOG_STD**2)
+
+
+def _deviations(misfit: Callable[[Samples], float], at: Samples, widths: Samples) -> Samples:
+    """Standard deviations of the first parameters, one for each of ``widths``: by the curvature of the misfit. A
+    parameter that the lines do not determine has that of a uniform distribution over a range of this width."""
+    steps = LOG_STEP * np.eye(len(at))
+    curvature = np.zeros((len(at), len(at)))
     for i, j in product(range(len(at)), repeat=2):
         a, b = steps[i], steps[j]
         corners = misfit(at + a + b) - misfit(at + a - b) - misfit(at - a + b) + misfit(at - a - b)
-        found[i, j] = corners / (2 * DIFFERENCE) ** 2
-    return found
+        curvature[i, j] = corners / (2 * LOG_STEP) ** 2
+    uniform = 12 / widths**2
+    curvature[np.arange(len(widths)), np.arange(len(widths))] += uniform
+    informed, axes = np.linalg.eigh(curvature)
+    return np.asarray(np.sqrt((axes**2 / np.maximum(informed, uniform.min())).sum(axis=1))[: len(widths)])

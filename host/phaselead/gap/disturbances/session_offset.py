@@ -68,8 +68,8 @@ Course = Callable[[RecordOffset], float]
 
 @dataclass(frozen=True)
 class Shift:
-    """A step of the zero (um) or a drift of it (um/s), with the half-width of its 95 % interval. By as much as records
-    at rest ask for another amount it is wider."""
+    """A step of the zero (um) or a drift of it (um/s), with the half-width of its 95 % interval, widened by how far
+    records at rest differ from driven ones."""
 
     amount: float
     half: float
@@ -155,7 +155,7 @@ def _shift(
     found_again = p_again < ERROR_RATE and amounts[0] * again[0] > 0
     sure = seen_at_rest and p < FOUND and found_again and reach > LEAST_SHIFT * max(scatter, unexplained_um)
     freedom = max(len(before) + len(later) - 1 - len(columns), 1)
-    half = float(t_distribution.isf(0.025, freedom)) * error + _apart_at_rest(amounts, columns, at_rest, scatter)
+    half = float(t_distribution.isf(0.025, freedom)) * error + _aside(amounts, columns, before, later, at_rest, scatter)
     back = began_s is not None and _moves_back(amounts[0], at_rest)
     return Shift(amounts[0], half, bool(sure and not back), scatter**2 * freedom, p, bool(sure and back))
 
@@ -171,22 +171,22 @@ def _stood_off(at_rest: tuple[Sequence[RecordOffset], Sequence[RecordOffset]]) -
     return np.array([r.mean_um for r in later]) - float(np.mean([r.mean_um for r in before]))
 
 
-def _apart_at_rest(
+def _aside(
     amounts: Sequence[float],
     columns: Sequence[Course],
+    before: Sequence[RecordOffset],
+    later: Sequence[RecordOffset],
     at_rest: tuple[Sequence[RecordOffset], Sequence[RecordOffset]],
     scatter: float,
 ) -> float:
-    """By how much records at rest ask for another amount than all do, beyond what single records scatter: what is
-    missed of how the stage answers shifts those alike that are driven alike, and they do not show it."""
-    before, later = at_rest
-    course = np.array([columns[0](r) for r in later])
-    in_all = float(course @ course)
-    if not in_all > 0:
-        return 0.0
-    apart = float(course @ (_stood_off(at_rest) - _expected(amounts, columns, later))) / in_all
-    error = scatter * math.sqrt(1 / in_all + (float(course.sum()) / in_all) ** 2 / len(before))
-    return math.sqrt(max(apart**2 - error**2, 0.0))
+    """How far the amount that driven records show may be off, since they stand off from those at rest, beyond the
+    scatter of single records: what is missed of how the stage answers shifts all alike that are driven alike."""
+    was, now = at_rest
+    aside_um = float(np.mean(_stood_off(at_rest) - _expected(amounts, columns, now)))
+    error_um = scatter * math.sqrt(1 / len(now) + 1 / len(was))
+    all_later = np.concatenate([np.zeros(len(before)), np.ones(len(later))])
+    of_one_um, *_ = np.linalg.lstsq(_design(before, later, columns), all_later, rcond=None)
+    return math.sqrt(max(aside_um**2 - error_um**2, 0.0)) * abs(float(of_one_um[1]))
 
 
 def _moves_back(rate_um_per_s: float, at_rest: tuple[Sequence[RecordOffset], Sequence[RecordOffset]]) -> bool:
@@ -210,13 +210,18 @@ def _drifted(began_s: float) -> Course:
     return lambda record: record.t_s - began_s
 
 
+def _design(before: Sequence[RecordOffset], after: Sequence[RecordOffset], columns: Sequence[Course]) -> Samples:
+    """A column of ones and one for each course, (records, 1 + courses); before there is none of them."""
+    courses = [[0.0] * len(before) + [course(r) for r in after] for course in columns]
+    return np.stack([np.ones(len(before) + len(after)), *map(np.array, courses)], axis=1)
+
+
 def _fitted(
     before: Sequence[RecordOffset], after: Sequence[RecordOffset], columns: Sequence[Course]
 ) -> tuple[list[float], float, float, float]:
     """Amount of each course, and of the first its standard error, the scatter of the records about the fit, and the
     probability of as much by chance."""
-    shapes = [[0.0] * len(before) + [course(r) for r in after] for course in columns]
-    design: Samples = np.stack([np.ones(len(before) + len(after)), *map(np.array, shapes)], axis=1)
+    design = _design(before, after, columns)
     y = np.array([r.mean_um for r in (*before, *after)])
     amounts, *_ = np.linalg.lstsq(design, y, rcond=None)
     freedom = max(len(y) - design.shape[1], 1)

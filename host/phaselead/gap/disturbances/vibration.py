@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -13,9 +15,8 @@ from scipy.stats import f as f_distribution
 
 from phaselead.gap.disturbances.disturbance import NEW_FROM, Disturbance, Parts, Residuals
 from phaselead.gap.disturbances.hum import is_mains
-from phaselead.gap.disturbances.peak import fitted_peak
+from phaselead.gap.disturbances.peak import LEAST_DENSITY, fitted_peak
 from phaselead.gap.error_rates import ERROR_RATE
-from phaselead.gap.parameters import bounded
 from phaselead.model import Effect, catalogue
 from phaselead.record import Samples
 
@@ -37,7 +38,8 @@ WIDTHS = (1, 3, 7, 15)
 OFF_MAINS = 0.2
 """Share of what is new in a band. With less than this away from the mains and its multiples it is hum."""
 SLOW_LINES = 4
-"""Lowest lines of the spectrum, left out: what moves as slowly as the records are long is drift or creep."""
+"""Lowest lines of the spectrum, left out: what moves as slowly as the pieces of ``VIBRATION_SEGMENT`` rows that it is
+averaged over is drift or creep. They end at 20 Hz of records at 5 kHz."""
 
 
 def find_vibration(name: str, train: Residuals, holdout: Residuals, reference: Residuals) -> Disturbance | None:
@@ -47,19 +49,21 @@ def find_vibration(name: str, train: Residuals, holdout: Residuals, reference: R
     no peak. Without reference records it must stand above the spectrum to either side of it: noise that falls with the
     frequency stands above one of them.
     """
-    louder = _louder(train, reference)
-    even = _divided(train, louder), _divided(holdout, _louder(holdout, reference)), reference
+    times = [_louder(part, reference) for part in (train, holdout)]
+    even = _divided(train, times[0]), _divided(holdout, times[1]), reference
     spectra = _spectra(*even)
     live = np.array([not is_mains(float(f)) for f in spectra.f_Hz])
     live[:SLOW_LINES] = False
     band = _standing_out(even, spectra, live)
     if band is None:
         return None
-    low, high = band
-    excess = np.maximum(spectra.seen - _usual(spectra, low, high), 0.0)
-    if excess[low:high] @ live[low:high] < OFF_MAINS * excess[low:high].sum():
+    usual = np.broadcast_to(_usual(spectra, *band), spectra.f_Hz.shape)
+    excess = np.where(_within(band, spectra), np.maximum(spectra.seen - usual, 0.0), 0.0)
+    if excess @ live < OFF_MAINS * excess.sum():
         return None
-    return _vibration_found(catalogue()[name], [*train, *holdout], spectra, louder, band)
+    return _vibration_found(
+        catalogue()[name], list(zip((train, holdout), times, strict=True)), spectra.f_Hz, usual, band, times[0] * excess
+    )
 
 
 def louder_at_rest(train: Residuals, holdout: Residuals, reference: Residuals) -> bool:
@@ -183,33 +187,59 @@ def _band_power(part: Residuals, lines: Lines, step_Hz: float) -> tuple[float, f
     for residual in part:
         f, p = periodogram(residual.error_um, residual.rate_Hz, window="hann", detrend="linear")
         inside = p[np.isin(np.floor(f / step_Hz + 0.5).astype(int), lines)]
+        inside = np.maximum(inside, LEAST_DENSITY)
         density.append(float(inside.mean()))
-        freedom += 2 * float(inside.sum() ** 2 / max(float((inside**2).sum()), 1e-300))
+        freedom += 2 * float(inside.sum() ** 2 / (inside**2).sum())
     return (float(np.mean(density)), freedom) if density else (0.0, 0.0)
 
 
+def _within(band: tuple[int, int], spectra: _Spectra) -> NDArray[np.bool_]:
+    """Which lines (k,) are in a band."""
+    lines = np.arange(len(spectra.f_Hz))
+    return (lines >= band[0]) & (lines < band[1])
+
+
 def _vibration_found(
-    effect: Effect, shaken: Residuals, spectra: _Spectra, louder: float, band: tuple[int, int]
+    effect: Effect,
+    shaken: Sequence[tuple[Residuals, float]],
+    f_Hz: Samples,
+    usual: Samples,
+    band: tuple[int, int],
+    excess: Samples,
 ) -> Disturbance | None:
-    """The vibration whose peak stands in a band, as training and held-out records tell it; None where noise of another
-    level and slope describes them as well, or where it is so broad that it has no peak. ``louder``: times the power of
-    the noise that the spectra had."""
-    f, (low, high) = spectra.f_Hz, band
-    step_Hz = float(f[1])
-    usual = louder * (np.zeros(len(f)) + _usual(spectra, low, high))
-    excess = np.maximum(louder * spectra.seen - usual, 0.0)[low:high]
-    width_Hz, top_Hz = (high - low) * step_Hz, float(f[low + np.argmax(excess)])
-    start = {"rms_um": float(np.sqrt(excess.sum() * step_Hz)), "f_Hz": top_Hz, "bandwidth_Hz": width_Hz}
-    around_Hz = max(float(f[low]) / SIDES, SLOW_LINES * step_Hz), min(SIDES * float(f[high - 1]), float(f[-1]))
-    peak = fitted_peak(effect, shaken, lambda at: np.interp(at, f, usual), around_Hz, bounded(effect, start))
-    rms_um, f_Hz, bandwidth_Hz = (peak.params[one][0] for one in ("rms_um", "f_Hz", "bandwidth_Hz"))
-    if peak.log_likelihood_gained < -math.log(CHANCE_ANY_BAND) or bandwidth_Hz > math.sqrt(2) * f_Hz:
+    """The vibration whose peak stands in a band; None where noise of another level and slope describes the records as
+    well, or where it lies at an end of the band, between two peaks, or is so broad that it has none.
+
+    ``shaken``: the records, and times by which the power of their noise is larger than is ``usual`` (k,), at
+    frequencies ``f_Hz`` (k,); ``excess``: density (k,) above that.
+    """
+    low, high, last = band[0], band[1] - 1, len(f_Hz) - 1
+    slowest, beside = SLOW_LINES - LEAKS, LEAKS + band[1] - band[0]
+    parts = [(part, partial(_times_usual, times, f_Hz, usual)) for part, times in shaken]
+    peak = fitted_peak(
+        effect,
+        parts,
+        band_Hz=(float(f_Hz[max(low - beside, slowest)]), float(f_Hz[min(high + beside, last)])),
+        sides_Hz=(
+            max(float(f_Hz[low]) / SIDES, float(f_Hz[slowest])),
+            min(SIDES * float(f_Hz[high]), float(f_Hz[last])),
+        ),
+        start=(math.sqrt(float(excess.sum()) * float(f_Hz[1])), float(f_Hz[np.argmax(excess)])),
+    )
+    rms_um, at_Hz, bandwidth_Hz = (peak.params[one][0] for one in ("rms_um", "f_Hz", "bandwidth_Hz"))
+    there = peak.chance <= CHANCE_ANY_BAND and peak.inside and peak.filled > ERROR_RATE
+    if not there or bandwidth_Hz > math.sqrt(2) * at_Hz:
         return None
-    why = f"a peak of {1e3 * rms_um:.3g} nm rms at {f_Hz:.4g} Hz in records at rest"
+    why = f"a peak of {1e3 * rms_um:.3g} nm rms at {at_Hz:.4g} Hz in records at rest"
     return Disturbance(effect.name, peak.params, rms_um**2, why)
+
+
+def _times_usual(times: float, f_Hz: Samples, usual: Samples, at_Hz: Samples) -> Samples:
+    """The usual density (k,), so many times, at other frequencies (n,)."""
+    return times * np.interp(at_Hz, f_Hz, usual)
 
 
 def _density(part: Residuals, length: int) -> tuple[Samples, Samples]:
     """Frequencies (k,) and mean one-sided density (k,)."""
     spectra = [welch(residual.error_um, residual.rate_Hz, nperseg=length, detrend="linear") for residual in part]
-    return spectra[0][0], np.mean([s for _, s in spectra], axis=0)
+    return spectra[0][0], np.maximum(np.mean([s for _, s in spectra], axis=0), LEAST_DENSITY)

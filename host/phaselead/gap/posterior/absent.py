@@ -30,9 +30,9 @@ def largest_sizes(contest: Contest, fit: Fit, effects: Sequence[Effect]) -> Mapp
 
 
 def _largest(at_sizes: Sequence[SizedGroup]) -> float:
-    """Upper bound of a size from what the records say at some values of it, one where it is linear. Where it is not,
-    small ones may show nothing and large ones all the more: each says how large it may be, up to the next larger one
-    where that cannot be."""
+    """Upper bound of a size that was simulated at some values, at one where it is linear. Each value gives a bound of
+    its own, from the largest on; one that the records rule out caps those of the smaller ones, which may show
+    nothing."""
     found = cannot_be = np.inf
     for sized in sorted(at_sizes, key=lambda one: -one.group.steps[0]):
         deviation = float(np.hypot(sized.deviation, MOST_MISSED * sized.amount))

@@ -25,7 +25,7 @@ APART = 2.0
 DIFFERENT = 2
 """Shapes of one effect from which it is begun, of different forms where it has some."""
 LEAST_POWER = 1e-6
-"""Precision of a size, in squares of its step, below which the records say nothing of it."""
+"""Precision of a size, in squares of a typical one, below which the records say nothing of it."""
 FINE_MODES = 9
 """Frequencies about each of the best on the coarse grid at which a mode is tried, damped as flexures are."""
 
@@ -122,7 +122,8 @@ class Starts:
         for group, slope, curvature in self.moments(fit, self.shapes.groups, self.shapes.columns, once):
             if group.effect.name in fit.names:
                 continue
-            inverse = np.linalg.inv(curvature + np.diag([LEAST_POWER, *np.full(len(slope) - 1, 1 / LARGEST**2)]))
+            prior = np.array([LEAST_POWER, *np.full(len(slope) - 1, 1 / LARGEST**2)])
+            inverse = np.linalg.inv(curvature + np.diag(prior * _in_typical_sizes(group) ** 2))
             # What a set takes up to the last digit leaves a power that rounding may turn negative.
             told = inverse[0, 0] > 0
             amount, deviation = (float(inverse[0] @ slope), float(np.sqrt(inverse[0, 0]))) if told else (0.0, np.inf)
@@ -133,8 +134,7 @@ class Starts:
         """Every group with the sizes that explain most of what a set leaves."""
         found = []
         for group, slope, curvature in self.moments(fit, groups, columns):
-            step = group.steps[0] / typical_sizes(group.effect)[0]
-            amounts = np.linalg.solve(curvature + np.eye(len(slope)) * (step / LARGEST) ** 2, slope)
+            amounts = np.linalg.solve(curvature + np.eye(len(slope)) * (_in_typical_sizes(group) / LARGEST) ** 2, slope)
             params = bounded(group.effect, group.params(amounts.tolist()))
             of_size = group.effect.basis is not None or bool(1 / APART <= np.abs(amounts).max() <= APART)
             found.append(Start((group.effect, params), 0.5 * float(slope @ amounts), of_size))
@@ -178,6 +178,11 @@ class Starts:
             (group, slopes[at], products - taken[np.ix_(at, at)])
             for group, at, products in zip(groups, places, own, strict=True)
         ]
+
+
+def _in_typical_sizes(group: RegressorGroup) -> float:
+    """A step of a shape, which is as many typical sizes for each of its sizes."""
+    return group.steps[0] / typical_sizes(group.effect)[0]
 
 
 def _form_of(start: Start) -> tuple[float, ...]:
