@@ -29,7 +29,7 @@ from phaselead.model import catalogue
 from phaselead.model.axis import AdoptedEffect, AxisModel, TimeView
 from phaselead.model.stage_file import Stage
 from phaselead.record import Source
-from phaselead.report.gap import gap_page, headline, next_command, remains, standing_out, verdict_card
+from phaselead.report.gap import gap_page, headline, next_command, remains, sizes_of, standing_out, verdict_card
 
 STAGE = Stage(name="s", axes={"x": AxisModel(time=TimeView(gain_um_per_V=10, u_range_V=(0, 5), rate_Hz=1000))})
 
@@ -320,3 +320,11 @@ def test_cells_of_several_axes_say_which_is_theirs():
         {"by": "frequency", "cell": "8..16 Hz", "share": 0.4, "axis": "y"},
         {"by": "frequency", "cell": "8..16 Hz", "share": 0.4},
     ]
+
+
+def test_sizes_that_have_a_unit_in_common_are_named():
+    """Two plain numbers told nobody which of a sensor's curve was the bow."""
+    rails = {"top": (0.05, "of voltage range", (0.04, 0.06)), "bottom": (0.03, "of voltage range", (0.02, 0.04))}
+    said = ["top 0.05 of voltage range", "bottom 0.03 of voltage range"]
+    assert sizes_of(NamedEffect("saturation", rails, 0.5)) == said
+    assert sizes_of(NamedEffect("delay", {"delay_s": (2e-4, "s", (1e-4, 3e-4))}, 0.5)) == ["0.2 ms"]

@@ -165,10 +165,13 @@ def verdict_card(result: GapResult) -> dict[str, str]:
 
 
 def sizes_of(effect: NamedEffect) -> list[str]:
-    """Its parameters in the units that a person uses, of a low-pass its corner too: "0.503 ms", "317 Hz"."""
-    found = []
-    for name, value, _, _, unit in parameter_rows(effect.params)[:SIZES_ON_CARD]:
-        found.append(in_usual_unit(value, unit))
+    """Its parameters in the units that a person uses, of a low-pass its corner too: "0.503 ms", "317 Hz". Those that
+    have a unit in common are named: "top 0.05 of voltage range"."""
+    found, rows = [], parameter_rows(effect.params)[:SIZES_ON_CARD]
+    units = [unit for *_, unit in rows]
+    for name, value, _, _, unit in rows:
+        called = f"{_without_unit(name, unit)} " if units.count(unit) > 1 else ""
+        found.append(called + in_usual_unit(value, unit))
         if name == "tau_s" and effect.name.endswith("lowpass") and value > 0:
             found.append(in_usual_unit(1 / (2 * math.pi * value), "Hz"))
     return found
@@ -186,12 +189,22 @@ def usual_unit(value: float, unit: str) -> tuple[float, str]:
     return (factor, smaller) if 0 < abs(value) < 1 else (1.0, unit)
 
 
+def _without_unit(name: str, unit: str) -> str:
+    """What a parameter, or one of several of a name, is called beside its unit."""
+    plain, blank, number = name.partition(" ")
+    return f"{plain.removesuffix(f'_{unit}')}{blank}{number}"
+
+
 def scaled_row(name: str, value: float, low: float, high: float, unit: str) -> dict[str, Any]:
     """A parameter and its interval in a unit that a person uses; a unit that its name ends in is not said twice."""
     factor, shown = usual_unit(value, unit)
-    plain, blank, number = name.partition(" ")
-    label = f"{plain.removesuffix(f'_{unit}')}{blank}{number}"
-    return {"name": label, "value": factor * value, "low": factor * low, "high": factor * high, "unit": shown}
+    return {
+        "name": _without_unit(name, unit),
+        "value": factor * value,
+        "low": factor * low,
+        "high": factor * high,
+        "unit": shown,
+    }
 
 
 def _below_floor(result: GapResult) -> str:
