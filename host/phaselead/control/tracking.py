@@ -378,7 +378,8 @@ def path_warnings(waveforms: Mapping[str, Waveform]) -> list[str]:
 
 
 def _left(waveform: Waveform) -> str:
-    by = f"left by up to {waveform.unplayed:.3g} {waveform.unit}, which counts as error"
+    judged = ", which counts as error" if waveform.unit == "um" else ""  # volts are what is recorded
+    by = f"left by up to {waveform.unplayed:.3g} {waveform.unit}{judged}"
     if isinstance(waveform, Replaced | RepeatedAsSensed | Rounded) and waveform.rounding_s > 0:
         return (
             f"the output is too slow for its corners, which are rounded over {2e3 * waveform.rounding_s:.2g} ms: the "

@@ -40,8 +40,8 @@ LOG_STEP = 0.05
 """Finite difference of the logarithm of a parameter."""
 LEAST_DENSITY = 1e-24
 """In um^2/Hz: a picometre in a whole hertz. A sensor whose noise is below half a step seems to have none."""
-AT_END = 0.02
-"""Of the logarithm of a frequency: as near as this it stands at an end of its range."""
+MOST_ROWS = 16384
+"""Of a record in one periodogram; longer ones are cut in pieces, whose periodograms are averaged."""
 
 Density = Callable[[Samples], Samples]
 """One-sided density in um^2/Hz at some frequencies (k,) in Hz."""
@@ -56,10 +56,12 @@ class Peak:
     params: dict[str, Estimate]
     chance: float
     """Probability that noise of another level and slope alone looks as much like one at this place."""
-    inside: bool
-    """Whether it lies within the frequencies where it was looked for, and at none of their ends."""
+    at_end: bool
+    """Whether it is at an end of the frequencies where it was looked for."""
+    told: bool
+    """Whether the intervals of its frequency and its bandwidth end within what was looked at."""
     filled: float
-    """Probability that the lines at its top hold as little as they do: two peaks leave a gap there."""
+    """Probability that the lines to one side of its top hold as little as they do: two peaks leave a gap there."""
 
 
 def fitted_peak(
@@ -67,10 +69,10 @@ def fitted_peak(
     shaken: Shaken,
     band_Hz: tuple[float, float],
     sides_Hz: tuple[float, float],
-    start: tuple[float, float],
+    start: tuple[float, float, float],
 ) -> Peak:
     """The peak of ``effect``, whose parameters are rms_um, f_Hz and bandwidth_Hz, with a frequency in ``band_Hz``,
-    fitted to the lines within ``sides_Hz``. ``start``: rms in um and frequency in Hz to begin from."""
+    fitted to the lines within ``sides_Hz``. ``start``: rms in um, frequency and bandwidth in Hz to begin from."""
     of = {p.name: p for p in effect.parameters}
     middle_Hz = math.sqrt(sides_Hz[0] * sides_Hz[1])
     records = [_Lines(one, sides_Hz, usual, middle_Hz) for part, usual in shaken for one in part]
@@ -94,7 +96,7 @@ def fitted_peak(
     def noise_misfit(x: Samples) -> float:
         return _misfit(records, [0.0] * len(records), x[0], x[1])
 
-    starts = [(*start, share * (band_Hz[1] - band_Hz[0])) for share in START_BANDWIDTHS]
+    starts = [(*start[:2], share * start[2]) for share in START_BANDWIDTHS]
     begun = [np.concatenate([np.clip(np.log(start), low, high), np.zeros(2)]) for start in starts]
     options = {"adaptive": True, "maxiter": 2000}
     best = min(
@@ -104,24 +106,28 @@ def fitted_peak(
     at = np.clip(best.x[:3], low, high)
     spread = _deviations(peak_misfit, np.concatenate([at, best.x[3:]]), high - low)
     ends = np.clip([at - TWO_SIDED_95 * spread, at + TWO_SIDED_95 * spread], low, high)
+    at_end = not low[1] + LOG_STEP < at[1] < high[1] - LOG_STEP
+    told = bool(low[1] < ends[0][1] and np.all(ends[1][1:] < high[1:]))
     values, lows, highs = (dict(zip(ranges, np.exp(one).tolist(), strict=True)) for one in (at, *ends))
-    if lows["bandwidth_Hz"] <= (1 + AT_END) * narrowest_Hz:
+    if ends[0][2] <= low[2]:
         lows["bandwidth_Hz"] = width.low  # it may be as narrow as it likes
     params: dict[str, Estimate] = {name: (values[name], of[name].unit, (lows[name], highs[name])) for name in of}
     chance = float(chi2.sf(2 * (float(noise.fun) - float(best.fun)), len(of)))
-    inside = bool(low[1] + AT_END < at[1] < high[1] - AT_END)
-    tops = np.concatenate([one.at_top(effect, values, *best.x[3:]) for one in records])
-    told = len(tops) / INDEPENDENT
-    return Peak(params, chance, inside, float(gamma.cdf(tops.mean() * told, told)) if len(tops) else 0.0)
+    halves = [[one.at_top(effect, values, *best.x[3:], above=above) for one in records] for above in (False, True)]
+    return Peak(params, chance, bool(at_end), told, min(map(_filled, halves)))
 
 
 class _Lines:
     """The lines of one record's periodogram between two frequencies."""
 
-    def __init__(self, residual: RunResidual, sides_Hz: tuple[float, float], usual: Density, middle_Hz: float) -> None:
-        f, p = periodogram(residual.error_um, residual.rate_Hz, window="hann", detrend="linear")
+    def __init__(self, residual: RunResidual, within_Hz: tuple[float, float], usual: Density, middle_Hz: float) -> None:
+        n = len(residual.error_um)
+        self.pieces = -(-n // MOST_ROWS)
+        pieces = residual.error_um[: n // self.pieces * self.pieces].reshape(self.pieces, -1)
+        f, each = periodogram(pieces, residual.rate_Hz, window="hann", detrend="linear")
+        p = each.mean(axis=0)
         # The line at half the sampling rate is distributed otherwise.
-        inside = (f >= sides_Hz[0]) & (f <= sides_Hz[1]) & (f < residual.rate_Hz / 2)
+        inside = (f >= within_Hz[0]) & (f <= within_Hz[1]) & (f < residual.rate_Hz / 2)
         self.rate_Hz, self.step_Hz, self.seen = residual.rate_Hz, float(f[1]), p[inside]
         self.usual = np.maximum(usual(f[inside]), LEAST_DENSITY)
         self.log_f = np.log(f[inside] / middle_Hz)
@@ -139,17 +145,27 @@ class _Lines:
     def misfit(self, peak: Samples | float, level: float, slope: float) -> float:
         """Minus the logarithm of how likely the lines are, but for a constant, as if all were independent."""
         density = self._density(peak, level, slope)
-        return float(np.sum(np.log(density) + self.seen / density))
+        return self.pieces * float(np.sum(np.log(density) + self.seen / density))
 
-    def at_top(self, effect: Effect, params: Mapping[str, float], level: float, slope: float) -> Samples:
-        """What the lines (n,) within the half-power bandwidth hold, of what they should, and at least the nearest."""
-        f_Hz, reach_Hz = self.around_Hz.mean(axis=1), max(params["bandwidth_Hz"], self.step_Hz) / 2
-        top = np.abs(f_Hz - params["f_Hz"]) <= reach_Hz
-        return np.asarray((self.seen / self._density(self.peak(effect, params), level, slope))[top])
+    def at_top(
+        self, effect: Effect, params: Mapping[str, float], level: float, slope: float, *, above: bool
+    ) -> tuple[Samples, int]:
+        """What the lines (n,) in the upper or the lower half of the half-power bandwidth hold of what they should, and
+        of how many pieces each is the average."""
+        off_Hz = self.around_Hz.mean(axis=1) - params["f_Hz"]
+        top = (np.abs(off_Hz) <= max(params["bandwidth_Hz"], self.step_Hz) / 2) & ((off_Hz >= 0) == above)
+        return (self.seen / self._density(self.peak(effect, params), level, slope))[top], self.pieces
 
     def _density(self, peak: Samples | float, level: float, slope: float) -> Samples:
         """That is expected (k,)."""
         return np.asarray(self.usual * np.exp(np.clip(level + slope * self.log_f, -50, 50)) + peak)
+
+
+def _filled(tops: Sequence[tuple[Samples, int]]) -> float:
+    """Probability that lines hold as little as they do of what they should (n,), each of an average of so many."""
+    told = sum(len(of) * pieces for of, pieces in tops) / INDEPENDENT
+    held = sum(float(of.sum()) * pieces for of, pieces in tops) / INDEPENDENT
+    return float(gamma.cdf(held, told)) if told > 0 else 1.0
 
 
 def _misfit(records: Sequence[_Lines], peaks: Sequence[Samples | float], level: float, slope: float) -> float:

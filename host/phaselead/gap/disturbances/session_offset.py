@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.stats import t as t_distribution
 
-from phaselead.gap.error_rates import ERROR_RATE, FOUND
+from phaselead.gap.error_rates import ERROR_RATE, FOUND, TWO_SIDED_95
 from phaselead.identify import effective_rows
 from phaselead.model import catalogue
 from phaselead.record import Samples
@@ -103,11 +103,16 @@ def session_shifts(
     later, began_s = [*learned, *held], max(r.t_s for r in before)
     names = {e.moves_zero: e.name for e in catalogue().values() if e.moves_zero is not None}
     step, drift = names["at once"], names["steadily"]
-    found = {step: _shift(before, later, held, at_rest, None, unexplained_um)}
-    if min(r.t_s for r in later) <= began_s:
+    after = min(r.t_s for r in later) > began_s
+    columns = [_stepped, _drifted(began_s)] if after else [_stepped]
+    amounts, _, scatter, _ = _fitted(before, later, columns)
+    # What fits badly is not for that as far off as it likes in records at rest, unless both together are seen there.
+    tolerated = None if _seen_at_rest(amounts, columns, at_rest, scatter) else scatter
+    found = {step: _shift(before, later, held, at_rest, None, unexplained_um, tolerated)}
+    if not after:
         return found
     alone, beyond = (
-        _shift(before, later, held, at_rest, began_s, unexplained_um, beyond_step=b) for b in (False, True)
+        _shift(before, later, held, at_rest, began_s, unexplained_um, tolerated, beyond_step=b) for b in (False, True)
     )
     found[drift] = alone
     if beyond.chance < ERROR_RATE and not (alone.sure and alone.left_um2 <= DISTINCT * beyond.left_um2):
@@ -136,10 +141,12 @@ def _shift(
     at_rest: tuple[Sequence[RecordOffset], Sequence[RecordOffset]],
     began_s: float | None,
     unexplained_um: float,
+    tolerated_um: float | None,
     *,
     beyond_step: bool = False,
 ) -> Shift:
     """The shift of ``later`` records against those ``before``: a drift from ``began_s`` on, or a step where None.
+    ``tolerated_um``: scatter that records at rest may have about it; None is its own.
 
     ``at_rest`` are the records at rest before and later, which must stand off as far, and must not move back where it
     is a drift. ``beyond_step``: the drift beside a step of any size.
@@ -149,15 +156,28 @@ def _shift(
     again, _, _, p_again = _fitted(before, held, columns)
     moved = [abs(amounts[0] * columns[0](r)) for r in later]
     reach = max(moved) - (min(moved) if beyond_step else 0.0)
-    expected = _expected(amounts, columns, at_rest[1])
-    aside = np.abs(_stood_off(at_rest) - expected)
-    seen_at_rest = bool(np.all(aside < np.hypot(AT_REST * expected, 3 * scatter)))
+    tolerated_um = scatter if tolerated_um is None else tolerated_um
+    seen_at_rest = _seen_at_rest(amounts, columns, at_rest, tolerated_um)
     found_again = p_again < ERROR_RATE and amounts[0] * again[0] > 0
     sure = seen_at_rest and p < FOUND and found_again and reach > LEAST_SHIFT * max(scatter, unexplained_um)
     freedom = max(len(before) + len(later) - 1 - len(columns), 1)
-    half = float(t_distribution.isf(0.025, freedom)) * error + _aside(amounts, columns, before, later, at_rest, scatter)
+    half = float(t_distribution.isf(0.025, freedom)) * error + _aside(
+        amounts, columns, before, later, at_rest, tolerated_um
+    )
     back = began_s is not None and _moves_back(amounts[0], at_rest)
     return Shift(amounts[0], half, bool(sure and not back), scatter**2 * freedom, p, bool(sure and back))
+
+
+def _seen_at_rest(
+    amounts: Sequence[float],
+    columns: Sequence[Course],
+    at_rest: tuple[Sequence[RecordOffset], Sequence[RecordOffset]],
+    scatter_um: float,
+) -> bool:
+    """Whether the later records at rest stand off as far as these amounts say."""
+    expected = _expected(amounts, columns, at_rest[1])
+    aside = np.abs(_stood_off(at_rest) - expected)
+    return bool(np.all(aside < np.hypot(AT_REST * expected, 3 * scatter_um)))
 
 
 def _expected(amounts: Sequence[float], columns: Sequence[Course], later: Sequence[RecordOffset]) -> Samples:
@@ -186,7 +206,12 @@ def _aside(
     error_um = scatter * math.sqrt(1 / len(now) + 1 / len(was))
     all_later = np.concatenate([np.zeros(len(before)), np.ones(len(later))])
     of_one_um, *_ = np.linalg.lstsq(_design(before, later, columns), all_later, rcond=None)
-    return math.sqrt(max(aside_um**2 - error_um**2, 0.0)) * abs(float(of_one_um[1]))
+    reach_um = TWO_SIDED_95 * error_um
+    if abs(aside_um) > reach_um:  # they differ, and either may be right
+        reach_um += abs(aside_um)
+    else:
+        reach_um = math.sqrt(max(aside_um**2 - error_um**2, 0.0))
+    return reach_um * abs(float(of_one_um[1]))
 
 
 def _moves_back(rate_um_per_s: float, at_rest: tuple[Sequence[RecordOffset], Sequence[RecordOffset]]) -> bool:

@@ -29,6 +29,8 @@ CHANCE_ANY_BAND = 1e-4
 reference, or without any the sides of the band."""
 AROUND = 8
 """Lines to either side of a band that say what is usual there."""
+BROADEST = 0.765
+"""Bandwidth over frequency above which a spring and mass shows half the density of its peak down to 0 Hz: no peak."""
 SIDES = 4.0
 """Times the frequencies of a band by which the noise to its sides reaches that a peak is fitted with: two octaves."""
 LEAST_AROUND, LEAKS = 3, 2
@@ -208,27 +210,29 @@ def _vibration_found(
     excess: Samples,
 ) -> Disturbance | None:
     """The vibration whose peak stands in a band; None where noise of another level and slope describes the records as
-    well, or where it lies at an end of the band, between two peaks, or is so broad that it has none.
+    well, and of a peak that may lie beyond the lines that were looked at, between two others, or is too broad for one.
 
     ``shaken``: the records, and times by which the power of their noise is larger than is ``usual`` (k,), at
     frequencies ``f_Hz`` (k,); ``excess``: density (k,) above that.
     """
     low, high, last = band[0], band[1] - 1, len(f_Hz) - 1
     slowest, beside = SLOW_LINES - LEAKS, LEAKS + band[1] - band[0]
+    near_Hz = float(f_Hz[max(low - beside, slowest)]), float(f_Hz[min(high + beside, last)])
+    sides_Hz = max(float(f_Hz[low]) / SIDES, float(f_Hz[slowest])), min(SIDES * float(f_Hz[high]), float(f_Hz[last]))
+    if effect.parameter("f_Hz").high <= near_Hz[0]:
+        return None
     parts = [(part, partial(_times_usual, times, f_Hz, usual)) for part, times in shaken]
-    peak = fitted_peak(
-        effect,
-        parts,
-        band_Hz=(float(f_Hz[max(low - beside, slowest)]), float(f_Hz[min(high + beside, last)])),
-        sides_Hz=(
-            max(float(f_Hz[low]) / SIDES, float(f_Hz[slowest])),
-            min(SIDES * float(f_Hz[high]), float(f_Hz[last])),
-        ),
-        start=(math.sqrt(float(excess.sum()) * float(f_Hz[1])), float(f_Hz[np.argmax(excess)])),
+    start = (
+        math.sqrt(float(excess.sum()) * float(f_Hz[1])),
+        float(f_Hz[np.argmax(excess)]),
+        (high + 1 - low) * float(f_Hz[1]),
     )
+    peak = fitted_peak(effect, parts, near_Hz, sides_Hz, start)
+    if peak.at_end:  # far broader than the band
+        peak = fitted_peak(effect, parts, sides_Hz, sides_Hz, start)
     rms_um, at_Hz, bandwidth_Hz = (peak.params[one][0] for one in ("rms_um", "f_Hz", "bandwidth_Hz"))
-    there = peak.chance <= CHANCE_ANY_BAND and peak.inside and peak.filled > ERROR_RATE
-    if not there or bandwidth_Hz > math.sqrt(2) * at_Hz:
+    there = peak.chance <= CHANCE_ANY_BAND and peak.told and peak.filled > ERROR_RATE
+    if not there or bandwidth_Hz > BROADEST * at_Hz:
         return None
     why = f"a peak of {1e3 * rms_um:.3g} nm rms at {at_Hz:.4g} Hz in records at rest"
     return Disturbance(effect.name, peak.params, rms_um**2, why)
