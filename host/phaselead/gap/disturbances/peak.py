@@ -56,10 +56,8 @@ class Peak:
     params: dict[str, Estimate]
     chance: float
     """Probability that noise of another level and slope alone looks as much like one at this place."""
-    at_end: bool
-    """Whether it is at an end of the frequencies where it was looked for."""
     told: bool
-    """Whether the intervals of its frequency and its bandwidth end within what was looked at."""
+    """Whether the intervals of its frequency and its bandwidth end within where these were looked for."""
     filled: float
     """Probability that the lines to one side of its top hold as little as they do: two peaks leave a gap there."""
 
@@ -106,7 +104,6 @@ def fitted_peak(
     at = np.clip(best.x[:3], low, high)
     spread = _deviations(peak_misfit, np.concatenate([at, best.x[3:]]), high - low)
     ends = np.clip([at - TWO_SIDED_95 * spread, at + TWO_SIDED_95 * spread], low, high)
-    at_end = not low[1] + LOG_STEP < at[1] < high[1] - LOG_STEP
     told = bool(low[1] < ends[0][1] and np.all(ends[1][1:] < high[1:]))
     values, lows, highs = (dict(zip(ranges, np.exp(one).tolist(), strict=True)) for one in (at, *ends))
     if ends[0][2] <= low[2]:
@@ -114,7 +111,7 @@ def fitted_peak(
     params: dict[str, Estimate] = {name: (values[name], of[name].unit, (lows[name], highs[name])) for name in of}
     chance = float(chi2.sf(2 * (float(noise.fun) - float(best.fun)), len(of)))
     halves = [[one.at_top(effect, values, *best.x[3:], above=above) for one in records] for above in (False, True)]
-    return Peak(params, chance, bool(at_end), told, min(map(_filled, halves)))
+    return Peak(params, chance, told, min(map(_filled, halves)))
 
 
 class _Lines:

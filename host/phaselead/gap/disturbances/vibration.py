@@ -228,7 +228,7 @@ def _vibration_found(
         (high + 1 - low) * float(f_Hz[1]),
     )
     peak = fitted_peak(effect, parts, near_Hz, sides_Hz, start)
-    if peak.at_end:  # far broader than the band
+    if not peak.told:  # it is far broader than the band
         peak = fitted_peak(effect, parts, sides_Hz, sides_Hz, start)
     rms_um, at_Hz, bandwidth_Hz = (peak.params[one][0] for one in ("rms_um", "f_Hz", "bandwidth_Hz"))
     there = peak.chance <= CHANCE_ANY_BAND and peak.told and peak.filled > ERROR_RATE
