@@ -146,7 +146,7 @@ def held_out(path: Path) -> bool:
     return path.stem in ("x-3V-15Hz", "x-5V-5Hz")
 
 
-def test_a_record_given_twice_and_one_moved_in_time_are_fitted_alike(run, tmp_path):
+def test_a_record_moved_in_time_is_fitted_alike_and_one_given_twice_is_refused(run, tmp_path):
     path = record(run, tmp_path, "sine:5V@5Hz", 1.0)
     exported = tmp_path / "later.csv"
     assert run("log", "export", path, exported).status == 0
@@ -154,8 +154,11 @@ def test_a_record_given_twice_and_one_moved_in_time_are_fitted_alike(run, tmp_pa
     rows[:, 0] += 1000.0
     np.savetxt(exported, rows, delimiter=",", header="t_s,u_V,x_um", comments="", fmt="%.10g")
     residuals = []
-    for records in ([path], [path, path], [exported]):
-        outcome = run("fit", *records, "-o", tmp_path / "s.toml", "--overwrite", "--json", "-")
+    twice = run("fit", path, path, "-o", tmp_path / "s.toml")
+    assert (twice.status, "give them once" in twice.err) == (2, True)
+    assert not (tmp_path / "s.toml").exists()
+    for one in (path, exported):
+        outcome = run("fit", one, "-o", tmp_path / "s.toml", "--overwrite", "--json", "-")
         assert outcome.status == 0, outcome.err
         assert "rest" not in " ".join(outcome.json["messages"])
         residuals.append(outcome.json["axes"]["x"]["residual_um_rms"])

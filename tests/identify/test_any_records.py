@@ -382,9 +382,9 @@ def test_a_record_behind_a_mode_is_no_odd_one():
 
 
 def test_a_set_without_a_loop_is_refused():
-    one_way = record_of(NO_MODE, ramp(10.0, 500.0), 500.0, 0, "ramp")
+    one_way, another = (record_of(NO_MODE, ramp(10.0, 500.0), 500.0, seed, "ramp") for seed in (0, 2))
     with pytest.raises(BadInput, match=r"ramp: .* turns round less than twice"):
-        fit([one_way, one_way])
+        fit([one_way, another])
     loop = record_of(NO_MODE, slow_sine(10.0, 500.0, 1.0), 500.0, 1, "loop")
     assert fit([one_way, loop])[1].left_out == []
 
