@@ -133,6 +133,7 @@ def fit(
     that cannot be used.
     """
     _refuse_mixture(recordings)
+    _refuse_rows_given_twice(recordings)
     recordings, left_out = usable(recordings)
     doubts = _doubts(recordings)
     coupling = cross_coupling(recordings)
@@ -208,10 +209,6 @@ def _refuse_mixture(recordings: Sequence[Recording]) -> None:
     if not recordings:
         raise BadInput("no recordings to fit; give at least one file")
     first = recordings[0]
-    for i, other in enumerate(recordings):
-        twice = [one for one in recordings[:i] if _share_rows(one, other)]
-        if twice:
-            raise BadInput(f"{other.source}: its rows are also in another record ({twice[0].source}); give them once")
     for other in recordings[1:]:
         if len(other.axes) != len(first.axes):
             raise BadInput(
@@ -224,6 +221,13 @@ def _refuse_mixture(recordings: Sequence[Recording]) -> None:
                 f"{first.rate_Hz:.6g} Hz; "
                 "fit recordings of one rate together"
             )
+
+
+def _refuse_rows_given_twice(recordings: Sequence[Recording]) -> None:
+    for i, later in enumerate(recordings):
+        for one in recordings[:i]:
+            if _share_rows(one, later):
+                raise BadInput(f"{later.source}: its rows are also in another record ({one.source}); give them once")
 
 
 def _share_rows(a: Recording, b: Recording) -> bool:

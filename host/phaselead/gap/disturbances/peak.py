@@ -107,7 +107,7 @@ def fitted_peak(
     told = bool(low[1] < ends[0][1] and np.all(ends[1][1:] < high[1:]))
     values, lows, highs = (dict(zip(ranges, np.exp(one).tolist(), strict=True)) for one in (at, *ends))
     if ends[0][2] <= low[2]:
-        lows["bandwidth_Hz"] = width.low  # it may be as narrow as it likes
+        lows["bandwidth_Hz"] = width.low  # a narrower peak looks the same
     params: dict[str, Estimate] = {name: (values[name], of[name].unit, (lows[name], highs[name])) for name in of}
     chance = float(chi2.sf(2 * (float(noise.fun) - float(best.fun)), len(of)))
     halves = [[one.at_top(effect, values, *best.x[3:], above=above) for one in records] for above in (False, True)]
@@ -117,14 +117,14 @@ def fitted_peak(
 class _Lines:
     """The lines of one record's periodogram between two frequencies."""
 
-    def __init__(self, residual: RunResidual, within_Hz: tuple[float, float], usual: Density, middle_Hz: float) -> None:
+    def __init__(self, residual: RunResidual, sides_Hz: tuple[float, float], usual: Density, middle_Hz: float) -> None:
         n = len(residual.error_um)
         self.pieces = -(-n // MOST_ROWS)
         pieces = residual.error_um[: n // self.pieces * self.pieces].reshape(self.pieces, -1)
         f, each = periodogram(pieces, residual.rate_Hz, window="hann", detrend="linear")
         p = each.mean(axis=0)
         # The line at half the sampling rate is distributed otherwise.
-        inside = (f >= within_Hz[0]) & (f <= within_Hz[1]) & (f < residual.rate_Hz / 2)
+        inside = (f >= sides_Hz[0]) & (f <= sides_Hz[1]) & (f < residual.rate_Hz / 2)
         self.rate_Hz, self.step_Hz, self.seen = residual.rate_Hz, float(f[1]), p[inside]
         self.usual = np.maximum(usual(f[inside]), LEAST_DENSITY)
         self.log_f = np.log(f[inside] / middle_Hz)

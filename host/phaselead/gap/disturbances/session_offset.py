@@ -206,12 +206,12 @@ def _aside(
     error_um = scatter * math.sqrt(1 / len(now) + 1 / len(was))
     all_later = np.concatenate([np.zeros(len(before)), np.ones(len(later))])
     of_one_um, *_ = np.linalg.lstsq(_design(before, later, columns), all_later, rcond=None)
-    reach_um = TWO_SIDED_95 * error_um
-    if abs(aside_um) > reach_um:  # they differ, and either may be right
-        reach_um += abs(aside_um)
+    surely_apart = abs(aside_um) > TWO_SIDED_95 * error_um
+    if surely_apart:  # either may be right: as far as the interval of those at rest
+        off_um = abs(aside_um) + TWO_SIDED_95 * error_um
     else:
-        reach_um = math.sqrt(max(aside_um**2 - error_um**2, 0.0))
-    return reach_um * abs(float(of_one_um[1]))
+        off_um = math.sqrt(max(aside_um**2 - error_um**2, 0.0))
+    return off_um * abs(float(of_one_um[1]))
 
 
 def _moves_back(rate_um_per_s: float, at_rest: tuple[Sequence[RecordOffset], Sequence[RecordOffset]]) -> bool:
