@@ -213,6 +213,18 @@ def test_the_model_of_another_stage_is_warned_of(run, tmp_path):
             assert ("is driven with 0..75 V, its model was fitted on 0..5 V" in outcome.err) is warned
 
 
+def test_times_in_milliseconds_are_doubted(run, tmp_path):
+    """predict made a record of another stage of them, without a word."""
+    rows = sine_rows()
+    path, late = write(tmp_path / "record.csv", rows), write(tmp_path / "ms.csv", rows * (1e3, 1, 1))
+    assert run("fit", path, "-o", tmp_path / "s.toml").status == 0
+    for record, warned in ((path, False), (late, True)):
+        for words in (("verify",), ("predict", "-o", tmp_path / f"{warned}.csv")):
+            outcome = run(*words, "--model", tmp_path / "s.toml", record)
+            assert outcome.status == 0
+            assert ("are its times in ms?" in outcome.err) is warned
+
+
 def test_metres_are_doubted_as_nanometres_are(run, tmp_path):
     """A column x_um in metres was fitted without a word, one in nanometres with a warning."""
     for factor in (1e3, 1e-6):

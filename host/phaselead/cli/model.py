@@ -28,7 +28,7 @@ from phaselead.cli.listing import top_level
 from phaselead.cli.outputs import INPUT, RECORD, OutputFile, overwriting
 from phaselead.control import describe_gains, describe_unseen, with_gains
 from phaselead.identify import Base, FitResult, Verifications, View
-from phaselead.model import driven_far_beyond, load_stage
+from phaselead.model import driven_far_beyond, in_other_times, load_stage
 from phaselead.model import predict as predict_position
 from phaselead.quantity import HERTZ, VOLTS, number, numbers
 from phaselead.record import parse_axes, write_csv
@@ -129,7 +129,7 @@ def predict(
     stage = load_stage(model_path)
     (recording,) = read_recordings([record], column_map, rate)
     predicted = predict_position(stage, recording)
-    warn(driven_far_beyond(stage, [recording]))
+    warn([*in_other_times(stage, [recording]), *driven_far_beyond(stage, [recording])])
     write_csv(output, predicted, overwrite=overwriting())
     figures = {"output": output, "samples": len(predicted.t_s)}
     emit(figures, json_to, [f"wrote {output}, {len(predicted.t_s)} samples"])

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any, get_args
 from phaselead.errors import BadInput, more_like_it
 from phaselead.identify.runs import usable
 from phaselead.identify.verification import Verification, View, verification_dict, verify
-from phaselead.model import Stage, driven_far_beyond, out_of_scale, scale_doubt
-from phaselead.record import Recording, times_in
+from phaselead.model import Stage, driven_far_beyond, in_other_times, out_of_scale, scale_doubt
+from phaselead.record import Recording
 from phaselead.result import Result, Table
 
 if TYPE_CHECKING:
@@ -105,21 +105,9 @@ def judge(
         raise BadInput("no recordings to verify the model on; give at least one file")
     kept, left_out = usable(recordings)
     found = verify(stage, kept, view, refit_offset=refit_offset)
-    doubts = [*_in_other_times(stage, kept), *driven_far_beyond(stage, kept)]
+    doubts = [*in_other_times(stage, kept), *driven_far_beyond(stage, kept)]
     doubts += [*_out_of_scale(found), *_about_starts(found)]
     return Verifications(found, view, model, stage.sha256, left_out, doubts)
-
-
-def _in_other_times(stage: Stage, recordings: Sequence[Recording]) -> list[str]:
-    """Records whose times are probably milliseconds or microseconds, in one line for all."""
-    found = []
-    for recording in recordings:
-        rates_Hz = [axis.time.rate_Hz for name, axis in stage.axes.items() if name in recording.axes and axis.time]
-        asked = [question for rate_Hz in rates_Hz if (question := times_in(recording.rate_Hz, rate_Hz))]
-        if asked:
-            rates = f"{recording.rate_Hz:.6g} Hz, the model at {rates_Hz[0]:.6g} Hz"
-            found.append(f"{recording.source}: is sampled at {rates}; {asked[0]}")
-    return [found[0] + more_like_it(len(found) - 1)] if found else []
 
 
 def _out_of_scale(found: Sequence[Verification]) -> list[str]:

@@ -80,7 +80,7 @@ from phaselead.model.operator import (
     turned_view,
 )
 from phaselead.model.play_density import EVEN_DENSITY, MOST_UNEVEN, PlayDensity
-from phaselead.model.prediction import driven_far_beyond, predict
+from phaselead.model.prediction import driven_far_beyond, in_other_times, predict
 from phaselead.model.scale import out_of_scale, scale_doubt
 from phaselead.model.sections import HOLD_S, LATCH_S, TICK_S, Section
 from phaselead.model.sensor_lag import sensor_lag_s
@@ -165,6 +165,7 @@ __all__ = [
     "effect_of_lag",
     "effect_of_modes",
     "explained",
+    "in_other_times",
     "lags",
     "load_stage",
     "mode_coefficients",

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 
-from phaselead.errors import BadInput
+from phaselead.errors import BadInput, more_like_it
 from phaselead.model.axis import TimeView
 from phaselead.model.chain import Chain
 from phaselead.model.effects import Entry, Place, effect_of_shares
 from phaselead.model.operator import plays_after
 from phaselead.model.stage_file import Stage
-from phaselead.record import AXES, AxisRecord, Recording, refuse_gapped
+from phaselead.record import AXES, AxisRecord, Recording, refuse_gapped, times_in
 
 FAR_BEYOND = 0.5
 """Of the span of voltages that a model was fitted on."""
@@ -41,6 +41,18 @@ def predict(stage: Stage, recording: Recording, *, turned_V: Mapping[str, Sequen
         x = chain.with_others(others).run(_seen(stage, name, others))
         axes[name] = AxisRecord(recording.axes[name].u_V, x)
     return replace(recording, axes=axes, meta={})
+
+
+def in_other_times(stage: Stage, recordings: Sequence[Recording]) -> list[str]:
+    """Records whose times are probably milliseconds or microseconds, in one line for all."""
+    found = []
+    for recording in recordings:
+        rates_Hz = [axis.time.rate_Hz for name, axis in stage.axes.items() if name in recording.axes and axis.time]
+        asked = [question for rate_Hz in rates_Hz if (question := times_in(recording.rate_Hz, rate_Hz))]
+        if asked:
+            rates = f"{recording.rate_Hz:.6g} Hz, the model at {rates_Hz[0]:.6g} Hz"
+            found.append(f"{recording.source}: is sampled at {rates}; {asked[0]}")
+    return [found[0] + more_like_it(len(found) - 1)] if found else []
 
 
 def driven_far_beyond(stage: Stage, recordings: Iterable[Recording]) -> list[str]:
