@@ -89,6 +89,19 @@ def test_a_slow_vibration_is_found_beside_noise_that_is_slower_still():
         assert abs(found.params["f_Hz"][0] - 17) < 4
 
 
+def test_a_short_record_beside_long_ones_hides_no_slow_vibration():
+    """Its lines are 10 Hz apart, and the lowest are left out."""
+    for seed in range(10):
+        rng = np.random.default_rng(seed)
+        parts = [
+            [left(um * ringing(rng, n, 17.0, 0.05) + 0.003 * rng.normal(size=n)) for n in (6000, 400)]
+            for um in (1, 1, 0)
+        ]
+        found = find_vibration("vibration", *parts)
+        assert found is not None
+        assert abs(found.params["f_Hz"][0] - 17) < 4
+
+
 def test_what_wanders_more_than_it_did_is_no_vibration():
     """It has become louder at one end of the spectrum: it was named a vibration in each of these."""
     for seed in range(10):

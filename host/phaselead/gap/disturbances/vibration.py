@@ -51,6 +51,7 @@ def find_vibration(name: str, train: Residuals, holdout: Residuals, reference: R
     no peak. Without reference records it must stand above the spectrum to either side of it: noise that falls with the
     frequency stands above one of them.
     """
+    train, holdout, reference = _long_enough(train, holdout, reference)
     times = [_louder(part, reference) for part in (train, holdout)]
     even = _divided(train, times[0]), _divided(holdout, times[1]), reference
     spectra = _spectra(*even)
@@ -73,11 +74,20 @@ def louder_at_rest(train: Residuals, holdout: Residuals, reference: Residuals) -
     now, again, was = ([residual for residual in part if residual.run.idle] for part in (train, holdout, reference))
     if not (now and again and was):
         return False
-    idle = now, again, was
+    idle = _long_enough(now, again, was)
     spectra = _spectra(*idle)
     live = np.ones(len(spectra.f_Hz), dtype=bool)
     live[:SLOW_LINES] = False
     return _standing_out(idle, spectra, live) is not None
+
+
+def _long_enough(*parts: Residuals) -> Parts:
+    """The records of each role at least half as long as the role of the shortest has one, or as is needed: one short
+    record would coarsen all spectra."""
+    longest = [max(len(residual.error_um) for residual in part) for part in parts if part]
+    rows = min(4 * VIBRATION_SEGMENT, *longest) / 2
+    train, holdout, reference = ([r for r in part if len(r.error_um) >= rows] for part in parts)
+    return train, holdout, reference
 
 
 def _louder(part: Residuals, reference: Residuals) -> float:
