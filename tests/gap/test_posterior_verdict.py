@@ -277,22 +277,18 @@ def test_the_prior_of_all_sets_sums_to_one_and_every_number_of_effects_is_as_lik
 
 
 @pytest.mark.parametrize("name", ["gain_change", "delay", "asymmetric_hysteresis"])
-def test_the_prior_of_a_size_is_a_density(name):
+def test_a_larger_size_is_less_likely(name):
     found = effect(name)
     shapes = {p.name: p.typical for p in found.shapes}
     first, *others = found.sizes
     fixed = shapes | {p.name: 0.0 for p in others}
     unit = first.typical / to_internal(first, first.typical)
-    at = np.linspace(max(first.low / unit, -15), min(first.high / unit, 15), 4001)
 
     def density(x):
         return exp(prior_of([(found, fixed | {first.name: float(x * unit)})]).log_density)
 
-    area = np.trapezoid([density(x) for x in at], at)
     others_at_0 = exp(prior_of([(found, fixed | {first.name: 0.0})]).log_density) / density(0.0)
     assert others_at_0 == 1.0
-    if len(found.parameters) == 1:
-        assert area == pytest.approx(1.0, abs=0.01)
     assert density(1.0) > density(3.0) > density(6.0)
 
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from math import comb, log
 
 import numpy as np
+from scipy.special import gammaln
 
 from phaselead.gap.error_rates import TWO_SIDED_95
 from phaselead.gap.parameters import SizedEffect, is_logarithmic, to_internal
@@ -44,10 +45,10 @@ def prior_of(entries: Sequence[SizedEffect]) -> Prior:
     for effect, params in entries:
         sizes = np.array([to_internal(p, params[p.name]) for p in effect.sizes])
         one_sided = sum(log(2.0) for p in effect.sizes if p.low >= 0)
-        logs = -0.5 * (sizes @ sizes) / SIZES**2 - len(sizes) * np.log(SIZES * np.sqrt(2 * np.pi)) + one_sided
+        logs, precisions = _of_sizes(sizes)
         weights = np.exp(logs - logs.max())
-        total += float(logs.max() + np.log(weights.mean()))
-        size_precision = float((weights / SIZES**2).sum() / weights.sum())
+        total += float(logs.max() + np.log(weights.mean())) + one_sided
+        size_precision = float((weights * precisions).sum() / weights.sum())
         for p in effect.parameters:
             if p.role == "size":
                 precision.append(size_precision)
@@ -59,6 +60,19 @@ def prior_of(entries: Sequence[SizedEffect]) -> Prior:
             precision.append(1 / spread**2)
             centre.append(middle)
     return Prior(total, np.array(precision), np.array(centre))
+
+
+def _of_sizes(sizes: Samples) -> tuple[Samples, Samples]:
+    """Log density of sizes (n,) in typical values under each of ``SIZES``, and the precision there of the normal
+    distribution that is like it. The last has the tails of Student's t with one degree of freedom: some stage somewhere
+    has twenty typical sizes."""
+    n, square = len(sizes), float(sizes @ sizes)
+    logs = -0.5 * square / SIZES**2 - n * np.log(SIZES * np.sqrt(2 * np.pi))
+    precisions = 1 / SIZES**2
+    logs[-1] = gammaln((1 + n) / 2) - gammaln(0.5) - n * log(LARGEST * np.sqrt(np.pi))
+    logs[-1] -= (1 + n) / 2 * np.log1p(square / LARGEST**2)
+    precisions[-1] = (1 + n) / (LARGEST**2 + square)
+    return logs, precisions
 
 
 def _shape_prior(p: Parameter, peak: tuple[str, str] | None) -> tuple[float, float]:
