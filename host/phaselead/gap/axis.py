@@ -120,7 +120,7 @@ def search_axis(
     final = final_fit(selection, runs, floor)
     claimed = _claimed(selection, final)
     other = find_voltage_independent(axis, final, effects, _names(claimed.named, claimed.ties))
-    left = _left_by(claimed, final, other.power_um2)
+    left = _left_by(claimed, final, other)
     vouched = _without_claims(claimed) if left.too_much else claimed
     named, ties = [*vouched.named, *other.named], [*vouched.ties, *other.ties]
     taken = _names(named, ties)
@@ -222,24 +222,24 @@ class _Remainder:
     """For a person."""
 
 
-def _left_by(claimed: _Claimed, final: FinalFit, known_um2: float) -> _Remainder:
-    """What is left of the held-out records beside the claims, and beside what is known to have added this power to
-    them and no voltage predicts."""
+def _left_by(claimed: _Claimed, final: FinalFit, other: VoltageIndependent) -> _Remainder:
+    """What is left of the held-out records beside the claims, and beside what was found that no voltage predicts."""
     anything = bool(claimed.named or claimed.ties)
     reference = final.residuals("reference")
     # Beside a name, that something more is there is a claim too.
-    clean = final.without_history()
+    clean = final.without_history(other.drift_um_per_s)
     left, gap = unexplained(clean.train, clean.holdout, reference, of_any_size=not anything), clean.gap
     if anything and too_little_described(left, gap):
         return _Remainder(left, beyond_equations=True, too_much=True)
     if not reference:
         return _Remainder(left, left.something_missing)
-    far_um2 = max(far_above_references_um2(final, clean.holdout) - known_um2, 0.0)
-    far = far_um2 > (excused_um2(gap) if anything else 0.0)
+    far_um2 = max(far_above_references_um2(final, clean.holdout) - other.power_um2, 0.0)
+    excused = excused_um2(gap, final.exact_share) if anything else 0.0
+    far = far_um2 > excused
     messages = [_far_above(claimed, far_um2)] if far else []
     if not anything:
         return _Remainder(left, far or left.something_missing, messages=messages)
-    beyond = far or more_than_equations_miss(left, gap)
+    beyond = far or more_than_equations_miss(left, gap, excused)
     return _Remainder(replace(left, of_equations=left.something_missing and not beyond), beyond, messages=messages)
 
 
@@ -249,8 +249,7 @@ def _far_above(claimed: _Claimed, left_um2: float) -> str:
     left = f"{left_um:.3g} um is left of held-out records, far more than of the reference records"
     if not names:
         return f"{left}: look where it is, something is there"
-    share = "and more than a tenth of the power that is explained"
-    return f"beside {names} {left} {share}: look where it is, something else may be there"
+    return f"beside {names} {left} and than equations miss: look where it is, something else may be there"
 
 
 def _without_claims(claimed: _Claimed) -> _Claimed:

@@ -13,7 +13,7 @@ from phaselead.gap.disturbances import RecordOffset
 from phaselead.gap.findings import GapSize, Trace
 from phaselead.gap.floor import Floor
 from phaselead.gap.parameters import SizedEffect
-from phaselead.gap.posterior import MOST_MISSED, before_record
+from phaselead.gap.posterior import LEAST_OF_MATERIAL, MOST_MISSED, before_record
 from phaselead.gap.records import GapRun, Role
 from phaselead.gap.residual import ModelledRun, RunResidual, modelled_run, power_um2
 from phaselead.gap.ringing import without_ringing
@@ -32,8 +32,8 @@ records is something that may shift their means as well."""
 
 @dataclass(frozen=True)
 class WithoutHistory:
-    """What a final model leaves of the records, about their means, without what slow effects had done before these
-    began, as far as each record tells: no voltage of theirs predicts it."""
+    """What a final model leaves of the records, about their means, without a drift and without what slow effects had
+    done before these began, as far as each record tells: no voltage of theirs predicts it."""
 
     train: list[RunResidual]
     holdout: list[RunResidual]
@@ -63,12 +63,6 @@ class FinalFit:
         return sum(t.run.stop - t.run.start for t in self.after if t.run.role == "holdout")
 
     @property
-    def spread_s2(self) -> float:
-        """Mean square of the times of held-out rows about the middle of their records."""
-        times = [one.run.t_s[one.run.rows] for one in self.after if one.run.role == "holdout"]
-        return power_um2([t_s - t_s.mean() for t_s in times])
-
-    @property
     def unexplained_um(self) -> float:
         """RMS that is left of the held-out records beyond the floor, where it is clearly above that."""
         after, floor = self.gap.after, self.gap.floor
@@ -88,21 +82,23 @@ class FinalFit:
         pairs = zip(models, left, strict=True)
         return [RunResidual(t.run, without_ringing(t, entries, e) if t.run.idle else e) for t, e in pairs]
 
-    def without_history(self) -> WithoutHistory:
-        """What is left, and the gap, without what slow effects had done before the records began: of the gap before
-        that is taken out as what is left of the final model tells it."""
-        train, holdout = (self._pairs_without_history(role) for role in ("train", "holdout"))
+    def without_history(self, drift_um_per_s: float = 0.0) -> WithoutHistory:
+        """What is left, and the gap, without what slow effects had done before the records began, and without a drift
+        that was found: of the gap before that is taken out as what is left of the final model tells it."""
+        train, holdout = (self._pairs_without_history(role, drift_um_per_s) for role in ("train", "holdout"))
         of_base = [t.error() for t in self.before if t.run.role == "holdout"]
         before = [_about_mean(error - history) for error, (_, history) in zip(of_base, holdout, strict=True)]
         after = [left for left, _ in holdout]
         gap = replace(self.gap, before=math.sqrt(power_um2(before)), after=_rms(after))
         return WithoutHistory([left for left, _ in train], after, gap)
 
-    def _pairs_without_history(self, role: Role) -> list[tuple[RunResidual, Samples]]:
-        """Of each run what is left without what slow effects had done before it began, and that (n,)."""
+    def _pairs_without_history(self, role: Role, drift_um_per_s: float) -> list[tuple[RunResidual, Samples]]:
+        """Of each run what is left without a drift and without what slow effects had done before it began, and these
+        two (n,)."""
         pairs = []
         for t, left in zip((t for t in self.after if t.run.role == role), self.residuals(role), strict=True):
-            history = self._history(t, left.error_um)
+            drift = drift_um_per_s * _about_mean(t.run.t_s[t.run.rows])
+            history = drift + self._history(t, left.error_um - drift)
             pairs.append((RunResidual(t.run, left.error_um - history), history))
         return pairs
 
@@ -155,6 +151,11 @@ class FinalFit:
         without = [_about_mean(t.error(entries)) for t in self.after if t.run.role == "holdout"]
         return float(np.clip((power_um2(without) - after) / max(before, 1e-30), 0.0, 1.0))
 
+    @property
+    def exact_share(self) -> float:
+        """The same of all effects whose equations are exact, 0..1."""
+        return min(sum(self.share_of(effect.name) for effect, _ in self.entries if effect.exact), 1.0)
+
     def traces(self) -> list[Trace]:
         """Measured position of every held-out record, and each model's at the record's own offset."""
         found = []
@@ -170,7 +171,7 @@ class FinalFit:
 
 
 def _about_mean(error: Samples) -> Samples:
-    """A residual (n,) without its mean, which is the record's own offset."""
+    """A residual (n,) without its mean, which is the record's own offset; or times without theirs."""
     return np.asarray(error - error.mean())
 
 
@@ -205,16 +206,20 @@ def _gap(final: FinalFit) -> GapSize:
     return GapSize.below(before, after, final.richest_um, OF_THE_RICHEST)
 
 
-def excused_um2(gap: GapSize) -> float:
-    """Power in um^2 that equations of names may miss of what these explain of the held-out records."""
-    return MOST_MISSED**2 * max(gap.before**2 - gap.after**2, 0.0)
+def excused_um2(gap: GapSize, exact_share: float = 0.0) -> float:
+    """Power in um^2 that equations of names may miss of what these explain of the held-out records. ``exact_share``: of
+    the power before, what comes of effects whose equations are exact; of that only as much may be left as the ceramic's
+    equations miss at least, since another voltage reaches it."""
+    explained_um2 = max(gap.before**2 - gap.after**2, 0.0)
+    exactly_um2 = min(exact_share * gap.before**2, explained_um2)
+    return MOST_MISSED**2 * (explained_um2 - exactly_um2) + LEAST_OF_MATERIAL**2 * exactly_um2
 
 
-def more_than_equations_miss(left: Unexplained, gap: GapSize) -> bool:
-    """Whether more can be predicted from the voltage beside names than their equations may miss of what these explain
-    of the held-out records. Unlike ``too_little_described`` it asks about a share of what the names explain, not of the
-    gap before, and the names stay: then something is there beside them."""
-    return left.something_missing and left.share * gap.after**2 > excused_um2(gap)
+def more_than_equations_miss(left: Unexplained, gap: GapSize, excused_um2: float) -> bool:
+    """Whether more can be predicted from the voltage beside names than is excused. Unlike ``too_little_described`` it
+    asks about a share of what the names explain, not of the gap before, and the names stay: then something is there
+    beside them."""
+    return left.something_missing and left.share * gap.after**2 > excused_um2
 
 
 def too_little_described(left: Unexplained, gap: GapSize) -> bool:

@@ -26,7 +26,6 @@ from phaselead.gap.findings import (
     parameter_texts,
 )
 from phaselead.gap.locate import excludes, explained, headline, three_digits, unit_of
-from phaselead.gap.posterior import MOST_MISSED
 from phaselead.gap.unexplained import Unexplained
 from phaselead.gap.verify_on import TrackingComparison
 from phaselead.model import Scene, Stage, catalogue, derived_sizes
@@ -185,8 +184,7 @@ class GapResult(Result):
         if not self.unexplained.of_equations:
             return said
         explain, whose = ("they explain", "their") if self.effects else ("the tie explains", "its")
-        allowed = f"no more than {100 * MOST_MISSED**2:.0f} % of the power that {explain}"
-        return f"{said}; that is {allowed}, and is put down to {whose} equations"
+        return f"{said}; that is no more than {whose} equations may miss of the power that {explain}"
 
     @property
     def advice(self) -> str:

@@ -43,7 +43,9 @@ class VoltageIndependent:
     spectra: list[Spectrum]
     messages: list[str]
     power_um2: float
-    """That it may add to the held-out records, each about its mean."""
+    """That disturbances may add to the held-out records."""
+    drift_um_per_s: float
+    """Of the zero, from one record to the next and so within each; 0 where none was found."""
 
 
 def find_voltage_independent(
@@ -65,7 +67,8 @@ def find_voltage_independent(
         zero_tested=zero.tested,
         spectra=disturbance_spectra(found, residuals[1], residuals[2], axis),
         messages=[*left_out, *zero.messages],
-        power_um2=KNOWN_WITHIN * sum(one.power_um2 for one in found) + zero.power_um2,
+        power_um2=KNOWN_WITHIN * sum(one.power_um2 for one in found),
+        drift_um_per_s=zero.drift_um_per_s,
     )
 
 
@@ -81,8 +84,7 @@ class _MovedZero:
     unknown: bool = False
     """Whether it moved as no effect allowed explains."""
     messages: Sequence[str] = ()
-    power_um2: float = 0.0
-    """That a drift adds to the held-out records, each about its mean."""
+    drift_um_per_s: float = 0.0
 
 
 def _moved_zero(final: FinalFit, effects: Sequence[Effect], claimed: set[str]) -> _MovedZero:
@@ -109,7 +111,7 @@ def _moved_zero(final: FinalFit, effects: Sequence[Effect], claimed: set[str]) -
         excluded=excluded,
         unknown=bool(refuted) or (bool(shifted) and not explained),
         messages=[_moved_back(refuted, shifts)] if refuted else [],
-        power_um2=sum(rate**2 for rate in rates) * final.spread_s2,
+        drift_um_per_s=sum(rates),
     )
 
 

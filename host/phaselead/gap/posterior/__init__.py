@@ -8,7 +8,7 @@ from phaselead.gap.posterior.detectable import MOST_STATED
 from phaselead.gap.posterior.forecast import Forecast
 from phaselead.gap.posterior.interval import intervals, intervals_alone, shows_itself
 from phaselead.gap.posterior.likelihood import Likelihood
-from phaselead.gap.posterior.missed import MOST_MISSED, TIMES_BASE
+from phaselead.gap.posterior.missed import LEAST_OF_MATERIAL, MOST_MISSED, TIMES_BASE
 from phaselead.gap.posterior.priors import KNOWN_BEFORE
 from phaselead.gap.posterior.search import Contest, at_an_end, likelihood_of, search_sets
 from phaselead.gap.posterior.sets import Fit, confused, names_of
@@ -17,6 +17,7 @@ from phaselead.gap.posterior.verdict import MORE_LIKELY_THAN_NOT, Claim, Judgeme
 
 __all__ = [
     "KNOWN_BEFORE",
+    "LEAST_OF_MATERIAL",
     "MORE_LIKELY_THAN_NOT",
     "MOST_MISSED",
     "MOST_STATED",

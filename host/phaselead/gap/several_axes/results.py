@@ -24,7 +24,7 @@ from phaselead.gap.findings import (
     NextExperiment,
     Trace,
 )
-from phaselead.gap.goodness_of_fit import more_than_equations_miss
+from phaselead.gap.goodness_of_fit import excused_um2, more_than_equations_miss
 from phaselead.gap.locate import rank_cells
 from phaselead.gap.noise import fit_noise
 from phaselead.gap.records import GapRun
@@ -155,7 +155,8 @@ def axis_results(
         held_out = [run for run in runs[a] if run.role == "holdout"]
         predictable = _predictable(found, runs[a], i)
         of_fit = replace(gap, after=_left_um(found, i))
-        unexcused = more_than_equations_miss(predictable, of_fit) if named[a] else predictable.something_missing
+        excused = excused_um2(of_fit) if named[a] else 0.0
+        unexcused = more_than_equations_miss(predictable, of_fit, excused)
         predictable = replace(predictable, of_equations=predictable.something_missing and not unexcused)
         missing = left > LEAST_SAVED * gap.before**2 or unexcused
         results.append(

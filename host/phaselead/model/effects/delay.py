@@ -53,6 +53,7 @@ EFFECT = Effect(
     compensation="The reference is looked up ahead by the delay; it still bounds the bandwidth of feedback.",
     apply=apply,
     absorbed_by_modes=True,
+    exact=True,
     picture=Picture("response", {"delay_s": 1e-3}),
     dead_time_s=dead_time_s,
     virtual=virtual,

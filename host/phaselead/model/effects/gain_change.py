@@ -61,6 +61,7 @@ EFFECT = Effect(
     apply=apply,
     absorbed_by_modes=True,
     part_of=PartOf("sensor_nonlinearity", up_to=WORST),
+    exact=True,
     picture=Picture("sine", {"gain": 0.1}),
     basis=basis,
     virtual=virtual,

@@ -216,6 +216,9 @@ class Effect:
     """Shape parameters whose values rise in this order."""
     at_once: Callable[[Params], bool] | None = None
     """Whether ``apply`` with these parameters also takes several signals at once, a value of (n, k); None is never."""
+    exact: bool = False
+    """Whether its equation is its definition, so that only its parameters can be wrong: a rail, a dead time, a
+    factor."""
     becomes_plays: bool = False
     """Whether a base model without memory takes it up as plays of its own, fitted anew."""
     of_base: bool = False

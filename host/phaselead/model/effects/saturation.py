@@ -69,6 +69,7 @@ EFFECT = Effect(
     compensation="None: the range is gone. Set `u_min_V` and `u_max_V` of the stage file inside the rails; paths that "
     "need more are then refused.",
     apply=apply,
+    exact=True,
     picture=Picture("sine", {"top": 0.15, "bottom": 0.1}),
     reads=reads,
     virtual=virtual,
