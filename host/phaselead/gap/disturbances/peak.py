@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
-from scipy.optimize import minimize
+from scipy.optimize import OptimizeResult, minimize
 from scipy.signal import periodogram
 from scipy.stats import chi2, gamma
 
@@ -71,47 +71,73 @@ def fitted_peak(
 ) -> Peak:
     """The peak of ``effect``, whose parameters are rms_um, f_Hz and bandwidth_Hz, with a frequency in ``band_Hz``,
     fitted to the lines within ``sides_Hz``. ``start``: rms in um, frequency and bandwidth in Hz to begin from."""
-    of = {p.name: p for p in effect.parameters}
     middle_Hz = math.sqrt(sides_Hz[0] * sides_Hz[1])
     records = [_Lines(one, sides_Hz, usual, middle_Hz) for part, usual in shaken for one in part]
-    width = of["bandwidth_Hz"]
-    narrowest_Hz = max(width.low, NARROWEST * min(one.step_Hz for one in records))
-    rms_low_um = 1e-6 * of["rms_um"].typical
-    ranges = {
-        "rms_um": (rms_low_um, of["rms_um"].high),
-        "f_Hz": (max(band_Hz[0], of["f_Hz"].low), min(band_Hz[1], of["f_Hz"].high)),
-        "bandwidth_Hz": (narrowest_Hz, width.high),
-    }
-    low, high = np.log(list(ranges.values())).T
-
-    def peak_misfit(x: Samples) -> float:
-        """Of the logarithms of the parameters, and of the noise's level and slope."""
-        inside = np.clip(x[:3], low, high)
-        params = dict(zip(ranges, np.exp(inside).tolist(), strict=True))
-        peaks = [one.peak(effect, params) for one in records]
-        return _misfit(records, peaks, x[3], x[4]) + float(np.sum((x[:3] - inside) ** 2))
-
-    def noise_misfit(x: Samples) -> float:
-        return _misfit(records, [0.0] * len(records), x[0], x[1])
-
-    starts = [(*start[:2], share * start[2]) for share in START_BANDWIDTHS]
-    begun = [np.concatenate([np.clip(np.log(start), low, high), np.zeros(2)]) for start in starts]
-    options = {"adaptive": True, "maxiter": 2000}
-    best = min(
-        (minimize(peak_misfit, x, method="Nelder-Mead", options=options) for x in begun), key=lambda fit: fit.fun
-    )
-    noise = minimize(noise_misfit, np.zeros(2), method="Nelder-Mead")
-    at = np.clip(best.x[:3], low, high)
-    spread = _deviations(peak_misfit, np.concatenate([at, best.x[3:]]), high - low)
-    ends = np.clip([at - TWO_SIDED_95 * spread, at + TWO_SIDED_95 * spread], low, high)
-    told = bool(low[1] < ends[0][1] and np.all(ends[1][1:] < high[1:]))
-    values, lows, highs = (dict(zip(ranges, np.exp(one).tolist(), strict=True)) for one in (at, *ends))
-    if ends[0][2] <= low[2]:
-        lows["bandwidth_Hz"] = width.low  # a narrower peak looks the same
-    params: dict[str, Estimate] = {name: (values[name], of[name].unit, (lows[name], highs[name])) for name in of}
-    chance = float(chi2.sf(2 * (float(noise.fun) - float(best.fun)), len(of)))
+    model = _Model(effect, records, _looked_for(effect, records, band_Hz))
+    fits = [model.fitted((*start[:2], share * start[2])) for share in START_BANDWIDTHS]
+    best = min(fits, key=lambda fit: float(fit.fun))
+    noise = minimize(model.misfit_of_noise, np.zeros(2), method="Nelder-Mead")
+    chance = float(chi2.sf(2 * (float(noise.fun) - float(best.fun)), len(model.ranges)))
+    params, told = model.estimates(best.x)
+    values = {name: value for name, (value, _, _) in params.items()}
     halves = [[one.at_top(effect, values, *best.x[3:], above=above) for one in records] for above in (False, True)]
     return Peak(params, chance, told, min(map(_filled, halves)))
+
+
+def _looked_for(
+    effect: Effect, records: Sequence[_Lines], band_Hz: tuple[float, float]
+) -> dict[str, tuple[float, float]]:
+    """Lowest and highest value of each parameter of a peak with a frequency in a band."""
+    rms, f, width = (effect.parameter(name) for name in ("rms_um", "f_Hz", "bandwidth_Hz"))
+    narrowest_Hz = max(width.low, NARROWEST * min(one.step_Hz for one in records))
+    return {
+        rms.name: (1e-6 * rms.typical, rms.high),
+        f.name: (max(band_Hz[0], f.low), min(band_Hz[1], f.high)),
+        width.name: (narrowest_Hz, width.high),
+    }
+
+
+class _Model:
+    """A peak beside noise of another level and slope: the logarithms of its parameters within ``ranges``, then these
+    two."""
+
+    def __init__(self, effect: Effect, records: Sequence[_Lines], ranges: Mapping[str, tuple[float, float]]) -> None:
+        self.effect, self.records, self.ranges = effect, records, ranges
+        self.low, self.high = np.log(list(ranges.values())).T
+
+    def misfit(self, x: Samples) -> float:
+        """Minus the logarithm of how likely the lines are (5,), but for a constant."""
+        inside = np.clip(x[:3], self.low, self.high)
+        params = self._named(inside)
+        peaks = [one.peak(self.effect, params) for one in self.records]
+        return _misfit(self.records, peaks, x[3], x[4]) + float(np.sum((x[:3] - inside) ** 2))
+
+    def misfit_of_noise(self, x: Samples) -> float:
+        """The same of level and slope (2,) without a peak."""
+        return _misfit(self.records, [0.0] * len(self.records), x[0], x[1])
+
+    def fitted(self, start: tuple[float, float, float]) -> OptimizeResult:
+        """The likeliest ``x``, from rms in um, frequency and bandwidth in Hz on."""
+        begun = np.concatenate([np.clip(np.log(start), self.low, self.high), np.zeros(2)])
+        options = {"adaptive": True, "maxiter": 2000}
+        return minimize(self.misfit, begun, method="Nelder-Mead", options=options)
+
+    def estimates(self, x: Samples) -> tuple[dict[str, Estimate], bool]:
+        """The peak's parameters at the likeliest ``x``, with intervals, and whether those of its frequency and its
+        bandwidth end within the ranges."""
+        at = np.clip(x[:3], self.low, self.high)
+        spread = _deviations(self.misfit, np.concatenate([at, x[3:]]), self.high - self.low)
+        ends = np.clip([at - TWO_SIDED_95 * spread, at + TWO_SIDED_95 * spread], self.low, self.high)
+        told = bool(self.low[1] < ends[0][1] and np.all(ends[1][1:] < self.high[1:]))
+        values, lows, highs = map(self._named, (at, *ends))
+        if ends[0][2] <= self.low[2]:
+            lows["bandwidth_Hz"] = self.effect.parameter("bandwidth_Hz").low  # a narrower peak looks the same
+        of = self.effect.parameters
+        return {p.name: (values[p.name], p.unit, (lows[p.name], highs[p.name])) for p in of}, told
+
+    def _named(self, logs: Samples) -> dict[str, float]:
+        """Parameters of these logarithms (3,)."""
+        return dict(zip(self.ranges, np.exp(logs).tolist(), strict=True))
 
 
 class _Lines:
