@@ -291,6 +291,26 @@ def test_a_record_of_another_stage_is_named_however_quick(which):
     assert not any("is it of this stage" in line for line in fit(records)[1].messages)
 
 
+@pytest.mark.parametrize("shifted_s", [0.3, None])
+def test_a_voltage_that_does_not_drive_the_position_is_doubted(few, shifted_s):
+    """A model that leaves a third of the range was written without a word. None: the rows run back in time, whose loop
+    no play has."""
+    (record,) = (r for r in few if r.source == "sine")
+
+    def moved(x_um):
+        return x_um[::-1] if shifted_s is None else np.roll(x_um, round(COARSE_HZ * shifted_s))
+
+    for odd, doubted in ((changed(record, x=moved), True), (record, False)):
+        _, report = fit([odd])
+        assert any("does this voltage drive this position" in line for line in report.messages) == doubted
+
+
+def test_times_in_milliseconds_beside_seconds_are_asked_about(few):
+    late = replace(few[1], t_s=1e3 * few[1].t_s)
+    with pytest.raises(BadInput, match="are its times in ms"):
+        fit([few[0], late])
+
+
 def sweep(level_V: float, to_Hz: float, seconds: float = 4.0) -> Array:
     """Rising slowly to mid-range, standing there, and then sweeping about it from 5 Hz on."""
     t = np.arange(round(seconds * COARSE_HZ)) / COARSE_HZ

@@ -60,8 +60,8 @@ def advice(gains_given: bool) -> str:
     if gains_given:
         return "lower the gains, or leave --gains out for those designed for the model"
     return (
-        "no --gains were given, and those of the model (without one, the paper's) do not suit this stage: it may have "
-        "a mode that its model lacks; `phaselead tune` measures the response and shapes gains on it"
+        "no --gains were given, and those that were taken, the model's or else the paper's, do not suit this stage: it "
+        "may have a mode that its model lacks; `phaselead tune` measures the response and shapes gains on it"
     )
 
 

@@ -40,7 +40,7 @@ from phaselead.model import (
     explained,
     provenance_of,
 )
-from phaselead.record import Recording, doubts_about, same_measurement
+from phaselead.record import Recording, doubts_about, same_measurement, times_in
 
 Base = Literal["operator", "linear"]
 
@@ -217,9 +217,8 @@ def _refuse_mixture(recordings: Sequence[Recording]) -> None:
             )
         if abs(other.rate_Hz / first.rate_Hz - 1) > SAME_RATE:
             raise BadInput(
-                f"{other.source}: is sampled at {other.rate_Hz:.6g} Hz but {first.source} at "
-                f"{first.rate_Hz:.6g} Hz; "
-                "fit recordings of one rate together"
+                f"{other.source}: is sampled at {other.rate_Hz:.6g} Hz but {first.source} at {first.rate_Hz:.6g} Hz; "
+                f"{times_in(other.rate_Hz, first.rate_Hz) or 'fit recordings of one rate together'}"
             )
 
 

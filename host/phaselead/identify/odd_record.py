@@ -9,7 +9,7 @@ import numpy as np
 from phaselead.errors import BadInput, more_like_it
 from phaselead.identify.modal import FittedModes, fit_together, shares_left_by
 from phaselead.identify.operator import OperatorFit
-from phaselead.identify.runs import AxisRun
+from phaselead.identify.runs import AxisRun, white_noise_rms
 from phaselead.model import out_of_scale
 from phaselead.quantity import digits
 from phaselead.record import factors_moved, gains_moved, in_another_unit, unit_remedy
@@ -61,13 +61,27 @@ def about_scale(axis: str, runs: Sequence[AxisRun]) -> list[str]:
 
 
 def about_unlike_record(axis: str, runs: Sequence[AxisRun], found: OperatorFit, modes: FittedModes | None) -> list[str]:
-    """What to say of the record without which the others are described far better. It is looked for among those that
-    the fit of all leaves most of, since that bends to it, and others may look worse. Each costs a fit, which is made
-    only where the first leaves more than of one stage."""
-    if len(runs) < FEWEST:
-        return []
+    """What to say of the record without which the others are described far better, and otherwise of one of which more
+    is left than of any stage."""
     shares = shares_left_by(found, modes, runs)
-    if max(shares) <= OF_ONE_STAGE:
+    most = int(np.argmax(shares))
+    if shares[most] <= OF_ONE_STAGE:
+        return []
+    odd = _unlike_others(axis, runs, shares)
+    noise = white_noise_rms(runs[most].x_um[runs[most].scored]) / runs[most].range_um
+    if odd or shares[most] <= MUCH_BETTER * noise:
+        return odd
+    return [
+        f"axis {axis}: the fit leaves {digits(100 * shares[most], 2)} % of the range of {runs[most].source}, "
+        f"of one stage less than {100 * OF_ONE_STAGE:g} %: does this voltage drive this position, and are the rows in "
+        "order of time?"
+    ]
+
+
+def _unlike_others(axis: str, runs: Sequence[AxisRun], shares: Sequence[float]) -> list[str]:
+    """The record without which the others are described far better. It is looked for among those that the fit of all
+    leaves most of, since that bends to it, and others may look worse. Each costs a fit."""
+    if len(runs) < FEWEST:
         return []
     for odd in np.argsort(shares)[::-1][:MOST_TRIED].tolist():
         with_it = max(share for i, share in enumerate(shares) if i != odd)
