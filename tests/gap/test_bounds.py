@@ -73,6 +73,15 @@ def test_what_shows_nothing_until_it_is_large_is_bounded_by_what_would_have_show
     assert _largest(sized_at(x1=(0.2, 0.9), x2=(0.9, 0.1), x8=(0.0, 0.1))) > 2 * SIZE.typical
 
 
+def test_between_a_size_that_may_be_there_and_one_that_may_not_neither_says_what_is():
+    """A rail at 6.3 V: one at 7 V explains a part of what is left, one at 6 V nothing, and 0.18 of the range was the
+    bound of what is 0.21."""
+    ladder = sized_at(x1=(0.2, 0.7), x2=(0.76, 0.35), x4=(0.1, 0.07))
+    assert _largest(ladder) == 4 * SIZE.typical
+    as_linear = sized_at(x2=(0.76, 0.35), x4=(0.38, 0.175))
+    assert _largest(as_linear) == pytest.approx(_largest(sized_at(x2=(0.76, 0.35))))
+
+
 def test_what_another_size_may_take_is_the_same_at_whatever_size_it_was_simulated():
     """Its prior is in typical sizes. Of a rail simulated at a sixteenth of one the other was held to nearly nothing."""
     saturation = catalogue()["saturation"]

@@ -13,7 +13,7 @@ from test_posterior_likelihood import Toy
 from phaselead.gap.findings import Bound, Detectable
 from phaselead.gap.posterior.detectable import MOST_STATED, Shapes, _Expected, detectable
 from phaselead.gap.posterior.missed import MOST_MISSED, SHARES
-from phaselead.gap.posterior.priors import SIZES
+from phaselead.gap.posterior.priors import KNOWN_BEFORE, SIZES
 from phaselead.gap.posterior.starts import at_all_sizes
 from phaselead.gap.regressors import regressor_groups, typical_sizes
 from phaselead.gap.run import run_gap
@@ -72,7 +72,7 @@ def test_effects_that_are_not_linear_in_their_sizes_are_begun_at_all_usual_ones(
         begun.setdefault(group.effect.name, set()).add(group.steps[0] / typical)
     assert begun["gain_change"] == {1.0}
     for nonlinear in ("slew_limit", "delay"):
-        assert sorted(begun[nonlinear]) == pytest.approx(sorted(SIZES))
+        assert sorted(begun[nonlinear]) == pytest.approx([*sorted(SIZES), KNOWN_BEFORE])
 
 
 def test_a_size_that_is_never_near_enough_is_stated_as_far_as_it_was_followed():

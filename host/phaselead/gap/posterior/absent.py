@@ -32,13 +32,15 @@ def largest_sizes(contest: Contest, fit: Fit, effects: Sequence[Effect]) -> Mapp
 def _largest(at_sizes: Sequence[SizedGroup]) -> float:
     """Upper bound of a size that was simulated at some values, at one where it is linear. Each value gives a bound of
     its own, from the largest on; one that the records rule out caps those of the smaller ones, which may show
-    nothing."""
-    found = cannot_be = np.inf
+    nothing. Between that and the next, which may be there, the two say the same where the effect is linear; by as much
+    as the larger one allows less, neither tells what is between."""
+    found, of_larger, cannot_be = np.inf, np.inf, np.inf
     for sized in sorted(at_sizes, key=lambda one: -one.group.steps[0]):
         deviation = float(np.hypot(sized.deviation, MOST_MISSED * sized.amount))
-        times = abs(sized.amount) + ONE_SIDED_95 * deviation
-        found = min(times * sized.group.steps[0], cannot_be)
-        if times >= 1:
-            break
-        cannot_be = sized.group.steps[0]
+        step = sized.group.steps[0]
+        said = (abs(sized.amount) + ONE_SIDED_95 * deviation) * step
+        if said >= step:
+            return min(said * max(1.0, said / of_larger), cannot_be)
+        found = min(said, cannot_be)
+        of_larger, cannot_be = said, step
     return found

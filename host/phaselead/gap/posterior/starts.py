@@ -14,7 +14,7 @@ from phaselead.gap.parameters import SizedEffect, bounded
 from phaselead.gap.posterior.detectable import Shapes
 from phaselead.gap.posterior.likelihood import Likelihood
 from phaselead.gap.posterior.moments import Amounts
-from phaselead.gap.posterior.priors import FLEXURE_ZETA, LARGEST, SIZES
+from phaselead.gap.posterior.priors import FLEXURE_ZETA, KNOWN_BEFORE, LARGEST, SIZES
 from phaselead.gap.posterior.sets import Fit
 from phaselead.gap.regressors import MODE_GRID_RATIO, RegressorGroup, regressor_groups, typical_sizes
 from phaselead.model import Effect
@@ -200,10 +200,12 @@ def _peaks(starts: Sequence[Start], frequency: str) -> list[Start]:
 
 
 def at_all_sizes(groups: Sequence[RegressorGroup]) -> list[RegressorGroup]:
-    """The groups, and those of effects that are not linear in their sizes at each of the usual sizes: a rate limit
-    shows nothing below the rates of a record, and more than in proportion above."""
+    """The groups, and those of effects that are not linear in their sizes at each of the usual sizes, and at the
+    largest for which a bound says anything: a rate limit shows nothing below the rates of a record, and more than in
+    proportion above."""
     found = list(groups)
     for group in groups:
         if group.effect.basis is None:
-            found += [replace(group, steps=tuple(s * one for one in group.steps)) for s in SIZES if s != 1.0]
+            others = [times for times in (*SIZES, KNOWN_BEFORE) if times != 1.0]
+            found += [replace(group, steps=tuple(times * one for one in group.steps)) for times in others]
     return found
