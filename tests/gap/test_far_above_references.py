@@ -10,6 +10,7 @@ from rig import Rig
 from test_gap_laws import waves
 
 from phaselead.gap import axis, run_gap
+from phaselead.gap.scale import FarAbove
 from phaselead.identify import fit
 from phaselead.model import catalogue
 
@@ -18,12 +19,16 @@ WITHOUT = tuple(name for name in catalogue() if name not in KEPT)
 
 
 def sessions(
-    reference_level: float = 1.0, delay_s: float = 0.0002, seconds: float = 2.0, reference_rest_s: float = 2.0
+    reference_level: float = 1.0,
+    delay_s: float = 0.0002,
+    seconds: float = 2.0,
+    reference_rest_s: float = 2.0,
+    holdout_rest_s: float = 2.0,
 ):
     """Reference, training and held-out records, with one at rest in each, a minute apart."""
     rig, found = Rig(3, rate_Hz=1000.0), []
     for name, level, rest_s in (
-        ("reference", reference_level, reference_rest_s), ("train", 1.0, 2.0), ("holdout", 1.0, 2.0),
+        ("reference", reference_level, reference_rest_s), ("train", 1.0, 2.0), ("holdout", 1.0, holdout_rest_s),
     ):  # fmt: skip
         voltages = {kind: level * u for kind, u in waves(rig, seconds).items()}
         voltages["idle"] = np.zeros(round(rest_s * 1000))
@@ -94,10 +99,24 @@ def test_references_that_move_less_or_rest_longer_make_no_name_doubtful(other):
 @pytest.mark.parametrize("far_um2", [0.0, 0.001])
 def test_far_above_the_references_and_nothing_named_is_not_nothing(monkeypatch, far_um2):
     """In a closed loop a leak that the base lacks ended as none, with six times the floor left."""
-    monkeypatch.setattr(axis, "far_above_references_um2", lambda final, holdout: far_um2)
+    monkeypatch.setattr(
+        axis, "far_above_known", lambda final, holdout: FarAbove(far_um2, "hold.csv", "the reference records")
+    )
     found = answer(*sessions(delay_s=0.0, seconds=0.8))
     assert found.verdicts == (("unknown",) if far_um2 else ("none",))
     assert any(said.endswith("look where it is, something is there") for said in found.messages) == bool(far_um2)
+
+
+@pytest.mark.parametrize("rate_um_per_s", [0.0, 0.05])
+def test_what_moves_at_rest_is_never_nothing_without_references_as_well(rate_um_per_s):
+    """A held-out record at rest that drifted by 40 times what the fit left ended as none: only driven ones counted."""
+    reference, train, holdout = sessions(delay_s=0.0, seconds=0.8, holdout_rest_s=20.0)
+    (last,) = (r for r in holdout if r.source == "holdout-idle.csv")
+    last = drifting([last], rate_um_per_s, last.t_s[0])[0]
+    found = run_gap(fit(reference)[0], train, [*holdout[:-1], last], without=WITHOUT)
+    assert found.verdicts == (("unknown",) if rate_um_per_s else ("none",))
+    told = [said for said in found.messages if "most in holdout-idle.csv, far more than of its own fit" in said]
+    assert len(told) == bool(rate_um_per_s)
 
 
 def test_records_with_nothing_new_are_not_far_and_those_that_wander_are_by_as_much():
@@ -106,12 +125,13 @@ def test_records_with_nothing_new_are_not_far_and_those_that_wander_are_by_as_mu
     seen = []
 
     def kept(final, residuals):
-        seen.append(far(final, residuals))
-        return seen[-1]
+        above = far(final, residuals)
+        seen.append(above.um2)
+        return above
 
-    far = axis.far_above_references_um2
+    far = axis.far_above_known
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(axis, "far_above_references_um2", kept)
+        patch.setattr(axis, "far_above_known", kept)
         for wander_um in (0.0, 5.0):
             run_gap(stage, train, [_wandering(r, wander_um) for r in holdout], reference, without=WITHOUT)
     assert seen[0] == 0.0

@@ -11,6 +11,7 @@ from test_gap_laws import HIDDEN, parts
 
 from phaselead.gap import axis, run, search
 from phaselead.gap.findings import NAMED, WITHDRAWN
+from phaselead.gap.scale import FarAbove
 from phaselead.gap.unexplained import Unexplained
 from phaselead.identify import fit
 from phaselead.model import catalogue
@@ -89,7 +90,8 @@ def test_a_name_beside_which_much_is_left_that_nothing_predicts_is_not_all(monke
     without = [name for name in catalogue() if name not in KEPT]
     monkeypatch.setattr(axis, "unlike_others", lambda final: [])  # which would say so, too
     if not asked:
-        monkeypatch.setattr(axis, "far_above_references_um2", lambda final, holdout: 0.0)
+        nothing = FarAbove(0.0, "", "the reference records")
+        monkeypatch.setattr(axis, "far_above_known", lambda final, holdout: nothing)
     found = run.run_gap(fit(reference)[0], train, [_wandering(r) for r in holdout], reference, without=without)
     assert ("unknown" in found.verdicts) == asked
     assert "delay" in {one.name for one in found.effects} | {name for tie in found.ties for name in tie}

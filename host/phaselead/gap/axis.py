@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from collections.abc import Set as AbstractSet
 from dataclasses import dataclass, replace
 from typing import TypeVar
 
@@ -36,7 +37,7 @@ from phaselead.gap.locate import rank_cells
 from phaselead.gap.posterior import Claim
 from phaselead.gap.provisional import nearest_that_pays
 from phaselead.gap.records import GapRun
-from phaselead.gap.scale import far_above_references_um2, unlike_others, unlike_own_fit
+from phaselead.gap.scale import FarAbove, far_above_known, unlike_others
 from phaselead.gap.search import Progress, select_effects
 from phaselead.gap.selection import Selection
 from phaselead.gap.unexplained import WORTH_SHARE, Unexplained, unexplained
@@ -129,8 +130,6 @@ def search_axis(
     excluded, hidden = upper_bounds(vouched.selection, candidates, taken | played)
     on_progress(0.92)
     unlike = unlike_others(final)
-    if not (unlike or referenced or taken):
-        unlike = unlike_own_fit(final)
     unknown = selection.something_unnamed or other.unknown or left.beyond_equations or bool(unlike)
     provisional: list[NamedEffect] = []
     if unknown:
@@ -154,12 +153,24 @@ def search_axis(
         candidates=list(vouched.selection.candidates),
         traces=final.traces(),
         spectra=other.spectra,
-        messages=[*vouched.messages, *left.messages, *other.messages, *_if_further_off(final)],
+        messages=[
+            *vouched.messages,
+            *([_something_more(taken)] if selection.something_unnamed else []),
+            *left.messages,
+            *other.messages,
+            *_if_further_off(final),
+        ],
         adopted=kept,
         detectable=_detectable(selection, candidates),
         unexplained=left.unexplained,
         doubts=unlike,
     )
+
+
+def _something_more(names: AbstractSet[str]) -> str:
+    """What to say where the odds are for one effect more than those that are claimed, and for no name."""
+    beside = f"beside {' and '.join(sorted(names))} " if names else ""
+    return f"{beside}the records show something more than chance, and no effect of the catalogue is sure to be it"
 
 
 def _if_further_off(final: FinalFit) -> list[str]:
@@ -231,22 +242,22 @@ def _left_by(claimed: _Claimed, final: FinalFit, other: VoltageIndependent) -> _
     left, gap = unexplained(clean.train, clean.holdout, reference, of_any_size=not anything), clean.gap
     if anything and too_little_described(left, gap):
         return _Remainder(left, beyond_equations=True, too_much=True)
-    if not reference:
-        return _Remainder(left, left.something_missing)
-    far_um2 = max(far_above_references_um2(final, clean.holdout) - other.power_um2, 0.0)
+    # Where nothing is claimed, the model describes the training records too, or something is there.
+    above = far_above_known(final, clean.holdout if anything else [*clean.holdout, *clean.train])
+    far_um2 = max(above.um2 - other.power_um2, 0.0)
     excused = excused_um2(gap, final.exact_share) if anything else 0.0
     far = far_um2 > excused
-    messages = [_far_above(claimed, far_um2)] if far else []
-    if not anything:
+    messages = [_far_above(claimed, above, math.sqrt(far_um2))] if far else []
+    if not (anything and reference):
         return _Remainder(left, far or left.something_missing, messages=messages)
     beyond = far or more_than_equations_miss(left, gap, excused)
     return _Remainder(replace(left, of_equations=left.something_missing and not beyond), beyond, messages=messages)
 
 
-def _far_above(claimed: _Claimed, left_um2: float) -> str:
-    """What to say where far more is left than of reference records, and more than the equations of the names miss."""
-    names, left_um = " and ".join(sorted(_names(claimed.named, claimed.ties))), math.sqrt(left_um2)
-    left = f"{left_um:.3g} um is left of held-out records, far more than of the reference records"
+def _far_above(claimed: _Claimed, above: FarAbove, left_um: float) -> str:
+    """What to say where far more is left than is known of the model, and more than the equations of the names miss."""
+    names = " and ".join(sorted(_names(claimed.named, claimed.ties)))
+    left = f"{left_um:.3g} um is left of the records, most in {above.farthest}, far more than of {above.of}"
     if not names:
         return f"{left}: look where it is, something is there"
     return f"beside {names} {left} and than equations miss: look where it is, something else may be there"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from scipy.signal import detrend
@@ -26,10 +27,35 @@ to 15 % (Jung and Gweon 2000), and surroundings shake none as far."""
 Moved = tuple[GapRun, Samples, Samples]
 """A record, what the model says of it from the memory that suits it best, and its position, (n,) in um over the scored
 rows."""
-_LeftOfRecord = tuple[str, tuple[float, float]]
-"""Name of a record, and RMS that a model leaves of it as a share of its motion and in um."""
 Compared = Mapping[str, Sequence[Moved]]
 """By axis its driven records."""
+
+
+class _Left(NamedTuple):
+    """RMS that a model leaves of some records, each about its mean."""
+
+    share: float
+    """Of their motion; infinite at rest, where there should be none."""
+    um: float
+
+    def far_beyond(self, known: _Left) -> bool:
+        """Whether it is far more than what is left of others, as a share and in um."""
+        return self.share > MOST_UNLIKE * known.share and self.um > MOST_UNLIKE * known.um
+
+
+_LeftOfRecord = tuple[str, _Left]
+"""Name of a record, and what a model leaves of it."""
+
+
+class FarAbove(NamedTuple):
+    """Records of which far more is left than is known of a model."""
+
+    um2: float
+    """Mean square, over the rows of all that were asked, of what is left of them; 0 where there are none."""
+    farthest: str
+    """The record of which most is left."""
+    of: str
+    """What is known."""
 
 
 def beside_model(stage: Stage, runs: Mapping[str, Sequence[GapRun]]) -> Compared:
@@ -54,12 +80,13 @@ def _exchanged(axis: str, driven: Sequence[Moved]) -> list[str]:
     if reference is None or not others:
         return []
     # Of small motion noise is a large share; exchanged records leave more in um too.
-    share, um = (max(one[i] for one in others) for i in (0, 1))
-    if not _is_far(reference, share, um):
+    most = _most(others)
+    if not reference.far_beyond(most):
         return []
     return [
-        f"{axis}: of the reference records' motion the model leaves {digits(100 * reference[0], 2)} %, of the others' "
-        f"at most {digits(100 * share, 2)} %: were they exchanged? --reference takes records of when the model fitted"
+        f"{axis}: of the reference records' motion the model leaves {digits(100 * reference.share, 2)} %, of the "
+        f"others' at most {digits(100 * most.share, 2)} %: were they exchanged? --reference takes records of when the "
+        "model fitted"
     ]
 
 
@@ -75,77 +102,66 @@ def unlike_others(final: FinalFit) -> list[str]:
     return found
 
 
-def far_above_references_um2(final: FinalFit, holdout: Sequence[RunResidual]) -> float:
-    """Mean square over all rows of what the final model leaves of held-out records, of those of which it leaves far
-    more than of any reference record; 0 where there are none."""
-    known = [one for _, one in _left_of_each(final.residuals("reference"))]
-    if not known:
-        return 0.0
-    share, um = (max(one[i] for one in known) for i in (0, 1))
-    rows = sum(len(r.error_um) for r in holdout)
-    far = [r for r in holdout for _, one in _left_of_each([r]) if _is_far(one, share, um)]
-    return sum(float(np.sum(r.error_um**2)) for r in far) / rows
+def far_above_known(final: FinalFit, residuals: Sequence[RunResidual]) -> FarAbove:
+    """The records of which the final model leaves far more than of any reference record, or without these than its own
+    fit left. At rest only um count. None where the stage file does not say what the fit left."""
+    references = [one for _, one in _left_of_each(final.residuals("reference"))]
+    known, of = (_most(references), "the reference records") if references else (_own_fit(final), "its own fit")
+    left = [(r, one) for r in residuals for _, one in _left_of_each([r])]
+    far = [(r, one) for r, one in left if known is not None and one.far_beyond(known)]
+    if not far:
+        return FarAbove(0.0, "", of)
+    rows = sum(len(r.error_um) for r in residuals)
+    farthest, _ = max(far, key=lambda pair: pair[1].um)
+    return FarAbove(sum(float(np.sum(r.error_um**2)) for r, _ in far) / rows, farthest.run.name, of)
 
 
-def unlike_own_fit(final: FinalFit) -> list[str]:
-    """One line for the held-out records where the model, with nothing found, leaves far more of one of them than its
-    own fit left: without reference records that is all that tells what the base leaves by itself. None where the stage
-    file does not say."""
+def _own_fit(final: FinalFit) -> _Left | None:
+    """What the base left of its own records, beside a sine over its range; None where the stage file does not say."""
     base = final.before[0].axis
     assert base.time is not None
     um = base.time.residual_um_rms
-    if not um:
-        return []
-    share = um / (range_um(base) / np.sqrt(8))  # rms of a sine over the range
-    far = [(name, one) for name, one in _left_of_each(final.residuals("holdout")) if _is_far(one, share, um)]
+    return _Left(um / (range_um(base) / np.sqrt(8)), um) if um else None
+
+
+def _most(left: Sequence[_Left]) -> _Left:
+    """The most that is left of some records, of which those at rest have no share."""
+    return _Left(max((one.share for one in left if np.isfinite(one.share)), default=np.inf), max(o.um for o in left))
+
+
+def _unlike(records: Sequence[_LeftOfRecord], others: Sequence[_Left]) -> list[str]:
+    """One line for the driven records of which far more is left than of any other, as a share of their motion and in
+    um; none where there are none."""
+    most = _most(others)
+    far = [(name, one.share) for name, one in records if one.far_beyond(most) and np.isfinite(one.share)]
     if not far:
         return []
-    name, (most, most_um) = max(far, key=lambda pair: pair[1][0])
+    name, share = max(far, key=lambda pair: pair[1])
     return [
-        f"{name}: of its motion the model leaves {digits(100 * most, 2)} %, {digits(most_um, 2)} um, and of those that "
-        f"it was fitted to {digits(um, 2)} um{more_like_it(len(far) - 1)}: give --reference records of the unchanged "
-        "stage, and training records that move as far"
-    ]
-
-
-def _is_far(left: tuple[float, float], share: float, um: float) -> bool:
-    """Whether what is left of a record, as a share of its motion and in um, is far more than that of others."""
-    return left[0] > MOST_UNLIKE * share and left[1] > MOST_UNLIKE * um
-
-
-def _unlike(records: Sequence[_LeftOfRecord], others: Sequence[tuple[float, float]]) -> list[str]:
-    """One line for the records of which far more is left than of any other, as a share of their motion and in um; none
-    where there are none."""
-    share, um = (max(one[i] for one in others) for i in (0, 1))
-    far = [(name, one[0]) for name, one in records if _is_far(one, share, um)]
-    if not far:
-        return []
-    name, most = max(far, key=lambda pair: pair[1])
-    return [
-        f"{name}: of its motion the model with what was found leaves {digits(100 * most, 2)} %, of the others "
-        f"at most {digits(100 * share, 2)} %{more_like_it(len(far) - 1)}: is it of this stage, in its units, "
+        f"{name}: of its motion the model with what was found leaves {digits(100 * share, 2)} %, of the others "
+        f"at most {digits(100 * most.share, 2)} %{more_like_it(len(far) - 1)}: is it of this stage, in its units, "
         "and driven no further or faster than the others?"
     ]
 
 
 def _left_of_each(residuals: Sequence[RunResidual]) -> list[_LeftOfRecord]:
-    """Name of every driven record, and ``_left`` of it by the model of which these are the residuals."""
+    """Name of every record at rest or well driven, and what the model leaves of it of which these are the residuals."""
     found = []
     for residual in residuals:
         run, x = residual.run, residual.run.x_um[residual.run.rows]
-        one = _left([(run, x - residual.error_um, x)]) if run.driven_well else None
-        if one is not None:
+        if run.idle:
+            found.append((run.name, _Left(np.inf, float(np.std(residual.error_um)))))
+        elif run.driven_well and (one := _left([(run, x - residual.error_um, x)])) is not None:
             found.append((run.name, one))
     return found
 
 
-def _left(driven: Sequence[Moved]) -> tuple[float, float] | None:
-    """RMS that the model leaves of some records, each about its mean, as a share of their motion and in um; None
-    without any that moves."""
+def _left(driven: Sequence[Moved]) -> _Left | None:
+    """What the model leaves of some records; None without any that moves."""
     rows = sum(len(x) for _, _, x in driven)
     moved = sum(float(np.var(x) * len(x)) for _, _, x in driven)
     left = sum(float(np.var(x - said) * len(x)) for _, said, x in driven)
-    return (float(np.sqrt(left / moved)), float(np.sqrt(left / rows))) if moved > 0 else None
+    return _Left(float(np.sqrt(left / moved)), float(np.sqrt(left / rows))) if moved > 0 else None
 
 
 def refuse_moved_at_rest(stage: Stage, runs: Mapping[str, Sequence[GapRun]]) -> None:

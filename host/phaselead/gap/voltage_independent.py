@@ -27,6 +27,9 @@ KNOWN_WITHIN = 2.0
 and a hum and a jitter are told of the training records alone. Chosen, not measured."""
 
 
+LOUDER = "records at rest are louder than the reference's at some frequencies, and no disturbance is sure to be why"
+
+
 @dataclass(frozen=True)
 class VoltageIndependent:
     """What no voltage predicts: disturbances, and a zero that moved between the sessions."""
@@ -58,15 +61,16 @@ def find_voltage_independent(
     whole = final.residuals("train"), final.residuals("holdout")
     bounds, hidden = disturbance_bounds(*whole, tested, {one.name for one in found})
     zero = _moved_zero(final, effects, claimed)
+    louder = not found and louder_at_rest(*residuals)
     return VoltageIndependent(
         named=[*(_disturbance(one, final) for one in found), *zero.named],
         ties=zero.ties,
         excluded=[*zero.excluded, *bounds],
-        unknown=zero.unknown or bool(left_out) or (not found and louder_at_rest(*residuals)),
+        unknown=zero.unknown or bool(left_out) or louder,
         untested={**untested, **hidden},
         zero_tested=zero.tested,
         spectra=disturbance_spectra(found, residuals[1], residuals[2], axis),
-        messages=[*left_out, *zero.messages],
+        messages=[*left_out, *([LOUDER] if louder and not left_out else []), *zero.messages],
         power_um2=KNOWN_WITHIN * sum(one.power_um2 for one in found),
         drift_um_per_s=zero.drift_um_per_s,
     )
@@ -110,18 +114,23 @@ def _moved_zero(final: FinalFit, effects: Sequence[Effect], claimed: set[str]) -
         ties=[shifted] if len(named) > 1 else (),
         excluded=excluded,
         unknown=bool(refuted) or (bool(shifted) and not explained),
-        messages=[_moved_back(refuted, shifts)] if refuted else [],
+        messages=[
+            *([_moved_back(refuted, shifts)] if refuted else []),
+            *([] if explained else [f"{_standing_off(shifted, shifts)}, which is left out of the catalogue"]),
+        ],
         drift_um_per_s=sum(rates),
     )
 
 
 def _moved_back(names: Sequence[str], shifts: Mapping[str, Shift]) -> str:
     """What to say of shifts that records at rest refute."""
+    return f"{_standing_off(names, shifts)}, but those at rest move back: what moved the zero is not known"
+
+
+def _standing_off(names: Sequence[str], shifts: Mapping[str, Shift]) -> str:
+    """By how much records stand off, as these shifts say."""
     seen = [f"{name} of {shifts[name].amount:.4g} {catalogue()[name].sizes[0].unit}" for name in names]
-    return (
-        f"records stand off from the reference session as by {' or '.join(seen)}, but those at rest move back: what "
-        "moved the zero is not known"
-    )
+    return f"records stand off from the reference session as by {' or '.join(seen)}"
 
 
 def _shifted(effect: Effect, shift: Shift) -> NamedEffect:
