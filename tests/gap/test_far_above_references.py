@@ -96,11 +96,25 @@ def test_references_that_move_less_or_rest_longer_make_no_name_doubtful(other):
     assert found.verdicts == ("named",)
 
 
+def test_what_the_base_still_creeps_of_at_rest_is_nothing_new():
+    """A record at rest right after a move, under a model that creeps."""
+    rig = Rig(3, rate_Hz=1000.0, hidden={"creep": 0.02})
+    made = {kind: [rig.record(u, f"{role}-{kind}") for role in ("fit", "train", "holdout")] for kind, u in
+            {**waves(rig), "steps": np.repeat([0.0, 6.0, 2.0, 7.0, 0.0], 4000)}.items()}  # fmt: skip
+    stage = fit([records[0] for records in made.values()])[0]
+    assert any(one.name == "creep" for one in stage.axes["x"].effects)
+    train, holdout = ([records[i] for records in made.values()] for i in (1, 2))
+    rig.record(np.full(60000, 8.0), "up")
+    rest = rig.record(np.zeros(5000), "rest-after")
+    found = run_gap(stage, train, [*holdout, rest], without=WITHOUT)
+    assert not any("rest-after" in said for said in found.messages)
+
+
 @pytest.mark.parametrize("far_um2", [0.0, 0.001])
 def test_far_above_the_references_and_nothing_named_is_not_nothing(monkeypatch, far_um2):
     """In a closed loop a leak that the base lacks ended as none, with six times the floor left."""
     monkeypatch.setattr(
-        axis, "far_above_known", lambda final, holdout: FarAbove(far_um2, "hold.csv", "the reference records")
+        axis, "far_above_known", lambda final, holdout: FarAbove(far_um2, "hold.csv", 0.1, "any reference record")
     )
     found = answer(*sessions(delay_s=0.0, seconds=0.8))
     assert found.verdicts == (("unknown",) if far_um2 else ("none",))
@@ -108,14 +122,21 @@ def test_far_above_the_references_and_nothing_named_is_not_nothing(monkeypatch, 
 
 
 @pytest.mark.parametrize("rate_um_per_s", [0.0, 0.05])
-def test_what_moves_at_rest_is_never_nothing_without_references_as_well(rate_um_per_s):
-    """A held-out record at rest that drifted by 40 times what the fit left ended as none: only driven ones counted."""
+@pytest.mark.parametrize("referenced", [False, True])
+def test_what_moves_at_rest_is_never_nothing_without_driven_references_as_well(rate_um_per_s, referenced):
+    """A held-out record at rest that drifted by 40 times what the fit left ended as none: only driven ones counted.
+    References at rest alone do not say what the model leaves of driven ones."""
     reference, train, holdout = sessions(delay_s=0.0, seconds=0.8, holdout_rest_s=20.0)
     (last,) = (r for r in holdout if r.source == "holdout-idle.csv")
     last = drifting([last], rate_um_per_s, last.t_s[0])[0]
-    found = run_gap(fit(reference)[0], train, [*holdout[:-1], last], without=WITHOUT)
+    rest = reference[-1:] if referenced else ()
+    found = run_gap(fit(reference)[0], train, [*holdout[:-1], last], rest, without=WITHOUT)
     assert found.verdicts == (("unknown",) if rate_um_per_s else ("none",))
-    told = [said for said in found.messages if "most in holdout-idle.csv, far more than of its own fit" in said]
+    told = [
+        said
+        for said in found.messages
+        if "is left of holdout-idle.csv, far more than of what the model was fitted to" in said
+    ]
     assert len(told) == bool(rate_um_per_s)
 
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from scipy.integrate import quad
 from test_far_above_references import answer, drifting, sessions
 
-from phaselead.gap.posterior.priors import prior_of
+from phaselead.gap.posterior.priors import KNOWN_BEFORE, prior_of
 from phaselead.model import catalogue
 
 
@@ -30,6 +30,13 @@ def test_all_sizes_together_are_certain(name, low):
     assert whole == pytest.approx(1.0, abs=1e-3)
 
 
+def test_two_sizes_together_are_certain_as_well():
+    """Of rails, which are one-sided: over the quarter of a plane, in its polar coordinates."""
+    radii = np.concatenate([[0.0], np.geomspace(1e-4, 1e5, 1500)])
+    density = [np.exp(log_density("saturation", r * np.cos(0.4), r * np.sin(0.4))) for r in radii]
+    assert np.trapezoid(np.pi / 2 * radii * density, radii) == pytest.approx(1.0, abs=2e-3)
+
+
 @given(st.floats(-200.0, 200.0), st.floats(-200.0, 200.0))
 def test_the_normal_distribution_that_is_like_the_prior_has_its_slope(one, other):
     """So that the most likely sizes are found by solving for them again and again."""
@@ -46,6 +53,13 @@ def test_the_normal_distribution_that_is_like_the_prior_has_its_slope(one, other
 def test_ten_times_as_much_is_less_likely_and_not_impossible(size):
     apart = log_density("gain_change", size) - log_density("gain_change", 10 * size)
     assert 0 < apart < 2.5 * np.log(10)
+
+
+def test_ninety_five_of_a_hundred_sizes_are_below_what_is_known_before():
+    below = sum(
+        quad(lambda size: np.exp(log_density("gain_change", size)), a, b)[0] for a, b in ((0, 1), (1, KNOWN_BEFORE))
+    )
+    assert 2 * below == pytest.approx(0.95, abs=2e-3)
 
 
 @pytest.mark.parametrize("rate_um_per_s", [0.02, 0.05, 0.1])

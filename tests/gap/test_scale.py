@@ -274,7 +274,10 @@ def test_a_training_record_that_no_stage_makes_is_never_nothing_without_referenc
     train = [*others, *as_written([first], lambda u, x: (u, x[::-1] if way == "back in time" else -x))]
     found = run_gap(stage(), train, holdout, without=tuple(name for name in catalogue() if name != "delay"))
     assert "unknown" in found.verdicts
-    assert any(f"most in {train[-1].source}, far more than of its own fit" in line for line in found.messages)
+    assert any(
+        f"is left of {train[-1].source}, far more than of what the model was fitted to" in line
+        for line in found.messages
+    )
 
 
 def test_a_held_out_record_that_is_like_the_others_raises_no_doubt():
@@ -291,6 +294,10 @@ def test_large_held_out_records_are_judged_by_what_the_fit_left_where_only_small
     (other,) = (r for r in records()[1] if r.source.endswith("0.9.csv"))
     holdout = as_written([other], lambda u, x: (u, factor * x))
     found = run_gap(stage(), train, holdout, without=tuple(name for name in catalogue() if name != "delay"))
-    told = [line for line in found.messages if f"most in {other.source}, far more than of its own fit" in line]
+    told = [
+        line
+        for line in found.messages
+        if f"is left of {other.source}, far more than of what the model was fitted to" in line
+    ]
     assert found.verdicts == (("none",) if factor == 1 else ("unknown",))
     assert len(told) == (factor != 1)

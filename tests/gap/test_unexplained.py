@@ -168,16 +168,16 @@ def test_names_are_not_vouched_for_where_more_is_left_than_their_equations_may_m
 
 
 @pytest.mark.parametrize(
-    ("explained", "exact_share", "beyond"),
+    ("explained", "exactly", "beyond"),
     [(0.95, 0.0, False), (0.05, 0.0, True), (0.95, 0.3, False), (0.95, 0.9, True)],
 )
-def test_a_name_excuses_a_tenth_of_what_it_explains_not_of_the_gap(explained, exact_share, beyond):
+def test_a_name_excuses_a_tenth_of_what_it_explains_not_of_the_gap(explained, exactly, beyond):
     """Of the power before 5 % can be predicted beside the name: little where it explains the rest, much where it does
     not, or where its equation is exact."""
     after_um = float(np.sqrt(1 - explained))
     left = Unexplained(min(0.05 / after_um**2, 1.0), 1e-4)
     gap = GapSize(1.0, after_um, 0.1)
-    assert more_than_equations_miss(left, gap, excused_um2(gap, exact_share)) == beyond
+    assert more_than_equations_miss(left, gap, excused_um2(gap, exactly)) == beyond
 
 
 def test_what_may_be_chance_withdraws_no_name():

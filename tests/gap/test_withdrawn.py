@@ -90,7 +90,7 @@ def test_a_name_beside_which_much_is_left_that_nothing_predicts_is_not_all(monke
     without = [name for name in catalogue() if name not in KEPT]
     monkeypatch.setattr(axis, "unlike_others", lambda final: [])  # which would say so, too
     if not asked:
-        nothing = FarAbove(0.0, "", "the reference records")
+        nothing = FarAbove(0.0, "", 0.0, "any reference record")
         monkeypatch.setattr(axis, "far_above_known", lambda final, holdout: nothing)
     found = run.run_gap(fit(reference)[0], train, [_wandering(r) for r in holdout], reference, without=without)
     assert ("unknown" in found.verdicts) == asked

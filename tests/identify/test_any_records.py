@@ -307,8 +307,9 @@ def test_a_voltage_that_does_not_drive_the_position_is_doubted(few, shifted_s):
 
 def test_times_in_milliseconds_beside_seconds_are_asked_about(few):
     late = replace(few[1], t_s=1e3 * few[1].t_s)
-    with pytest.raises(BadInput, match="are its times in ms"):
-        fit([few[0], late])
+    for records in ([few[0], late], [late, few[0]]):
+        with pytest.raises(BadInput, match="are its times in ms"):
+            fit(records)
 
 
 def sweep(level_V: float, to_Hz: float, seconds: float = 4.0) -> Array:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from collections.abc import Set as AbstractSet
 from dataclasses import dataclass, replace
@@ -42,7 +41,7 @@ from phaselead.gap.search import Progress, select_effects
 from phaselead.gap.selection import Selection
 from phaselead.gap.unexplained import WORTH_SHARE, Unexplained, unexplained
 from phaselead.gap.voltage_independent import VoltageIndependent, find_voltage_independent
-from phaselead.model import AxisModel, Effect
+from phaselead.model import AxisModel, Effect, catalogue
 
 _Finding = TypeVar("_Finding", NamedEffect, Adopted, Bound, Candidate, Cell, Detectable, NextExperiment)
 
@@ -244,20 +243,25 @@ def _left_by(claimed: _Claimed, final: FinalFit, other: VoltageIndependent) -> _
         return _Remainder(left, beyond_equations=True, too_much=True)
     # Where nothing is claimed, the model describes the training records too, or something is there.
     above = far_above_known(final, clean.holdout if anything else [*clean.holdout, *clean.train])
-    far_um2 = max(above.um2 - other.power_um2, 0.0)
-    excused = excused_um2(gap, final.exact_share) if anything else 0.0
-    far = far_um2 > excused
-    messages = [_far_above(claimed, above, math.sqrt(far_um2))] if far else []
+    excused = excused_um2(gap, final.explained_um2(_exact(claimed))) if anything else 0.0
+    far = max(above.um2 - other.power_um2, 0.0) > excused
+    messages = [_far_above(claimed, above)] if far else []
     if not (anything and reference):
         return _Remainder(left, far or left.something_missing, messages=messages)
     beyond = far or more_than_equations_miss(left, gap, excused)
     return _Remainder(replace(left, of_equations=left.something_missing and not beyond), beyond, messages=messages)
 
 
-def _far_above(claimed: _Claimed, above: FarAbove, left_um: float) -> str:
+def _exact(claimed: _Claimed) -> list[str]:
+    """Names of the effects that are claimed and whose equations are exact, by all that they are tied with."""
+    every = [(one.name,) for one in claimed.named] + list(claimed.ties)
+    return [name for names in every if all(catalogue()[one].exact for one in names) for name in names]
+
+
+def _far_above(claimed: _Claimed, above: FarAbove) -> str:
     """What to say where far more is left than is known of the model, and more than the equations of the names miss."""
     names = " and ".join(sorted(_names(claimed.named, claimed.ties)))
-    left = f"{left_um:.3g} um is left of the records, most in {above.farthest}, far more than of {above.of}"
+    left = f"{above.farthest_um:.3g} um rms is left of {above.farthest}, far more than of {above.known}"
     if not names:
         return f"{left}: look where it is, something is there"
     return f"beside {names} {left} and than equations miss: look where it is, something else may be there"

@@ -7,9 +7,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.optimize import lsq_linear
 
 from phaselead.gap.base_operator import with_refitted_operator
 from phaselead.gap.disturbances import RecordOffset
+from phaselead.gap.error_rates import TWO_SIDED_95
 from phaselead.gap.findings import GapSize, Trace
 from phaselead.gap.floor import Floor
 from phaselead.gap.parameters import SizedEffect
@@ -20,7 +22,7 @@ from phaselead.gap.ringing import without_ringing
 from phaselead.gap.selection import Selection
 from phaselead.gap.unexplained import Unexplained
 from phaselead.identify import apart_from
-from phaselead.model import AxisModel
+from phaselead.model import AxisModel, effect
 from phaselead.record import Samples
 
 OF_THE_RICHEST = "what the richest model of all leaves of the training records"
@@ -97,8 +99,10 @@ class FinalFit:
         two (n,)."""
         pairs = []
         for t, left in zip((t for t in self.after if t.run.role == role), self.residuals(role), strict=True):
-            drift = drift_um_per_s * _about_mean(t.run.t_s[t.run.rows])
-            history = drift + self._history(t, left.error_um - drift)
+            history = drift_um_per_s * _about_mean(t.run.t_s[t.run.rows])
+            history = history + self._history(t, left.error_um - history)
+            if t.run.idle:
+                history = history + _history_of_base(t, left.error_um - history)
             pairs.append((RunResidual(t.run, left.error_um - history), history))
         return pairs
 
@@ -151,10 +155,10 @@ class FinalFit:
         without = [_about_mean(t.error(entries)) for t in self.after if t.run.role == "holdout"]
         return float(np.clip((power_um2(without) - after) / max(before, 1e-30), 0.0, 1.0))
 
-    @property
-    def exact_share(self) -> float:
-        """The same of all effects whose equations are exact, 0..1."""
-        return min(sum(self.share_of(effect.name) for effect, _ in self.entries if effect.exact), 1.0)
+    def explained_um2(self, names: Sequence[str]) -> float:
+        """Mean square over the held-out rows that comes back without some effects, one after the other."""
+        before = power_um2([left.error_um for left in self.residuals_before("holdout")])
+        return before * sum(self.share_of(effect.name) for effect, _ in self.entries if effect.name in names)
 
     def traces(self) -> list[Trace]:
         """Measured position of every held-out record, and each model's at the record's own offset."""
@@ -168,6 +172,18 @@ class FinalFit:
             after = x - _about_mean(now.error(self.entries))
             found.append(Trace(run.name, run.axis, run.t_s[rows], run.u_V[rows], x, before, after))
         return found
+
+
+def _history_of_base(modelled: ModelledRun, error: Samples) -> Samples:
+    """The part (n,) of a residual at rest, about its mean, that the base's own lags and modes may still carry from
+    before a run: each at most as much as in 95 of 100 stages."""
+    of_base = [(effect(one.name), one.params) for one in modelled.axis.effects]
+    before = np.concatenate([np.zeros((len(error), 0)), *before_record(modelled, of_base)], axis=1)
+    if not before.any():
+        return np.zeros(len(error))
+    before = before - before.mean(axis=0)
+    amounts = lsq_linear(before, error, bounds=(-TWO_SIDED_95, TWO_SIDED_95), method="bvls").x
+    return np.asarray(before @ amounts)
 
 
 def _about_mean(error: Samples) -> Samples:
@@ -206,20 +222,20 @@ def _gap(final: FinalFit) -> GapSize:
     return GapSize.below(before, after, final.richest_um, OF_THE_RICHEST)
 
 
-def excused_um2(gap: GapSize, exact_share: float = 0.0) -> float:
-    """Power in um^2 that equations of names may miss of what these explain of the held-out records. ``exact_share``: of
-    the power before, what comes of effects whose equations are exact; of that only as much may be left as the ceramic's
-    equations miss at least, since another voltage reaches it."""
+def excused_um2(gap: GapSize, exactly_um2: float = 0.0) -> float:
+    """Power in um^2 that equations of names may miss of what these explain of the held-out records. ``exactly_um2``:
+    what effects with exact equations explain; of that only as much may be left as the ceramic's equations miss at
+    least, since another voltage reaches it."""
     explained_um2 = max(gap.before**2 - gap.after**2, 0.0)
-    exactly_um2 = min(exact_share * gap.before**2, explained_um2)
+    exactly_um2 = min(exactly_um2, explained_um2)
     return MOST_MISSED**2 * (explained_um2 - exactly_um2) + LEAST_OF_MATERIAL**2 * exactly_um2
 
 
-def more_than_equations_miss(left: Unexplained, gap: GapSize, excused_um2: float) -> bool:
-    """Whether more can be predicted from the voltage beside names than is excused. Unlike ``too_little_described`` it
-    asks about a share of what the names explain, not of the gap before, and the names stay: then something is there
-    beside them."""
-    return left.something_missing and left.share * gap.after**2 > excused_um2
+def more_than_equations_miss(left: Unexplained, gap: GapSize, excused: float) -> bool:
+    """Whether more can be predicted from the voltage beside names than this power in um^2, which is excused. Unlike
+    ``too_little_described`` it asks about a share of what the names explain, not of the gap before, and the names stay:
+    then something is there beside them."""
+    return left.something_missing and left.share * gap.after**2 > excused
 
 
 def too_little_described(left: Unexplained, gap: GapSize) -> bool:

@@ -220,7 +220,7 @@ class GapResult(Result):
             reasons = tuple((name, self.why_untestable(name)) for name in self.untestable)
             parts.append(Table(("not testable with these records", "why, and what would show it"), reasons))
         elif self.untestable:
-            silent = ", so that none says nothing of them" if self.verdicts == ("none",) else ""
+            silent = ", so that `none` says nothing of them" if self.verdicts == ("none",) else ""
             parts.append(f"not testable with these records{silent}: {', '.join(self.untestable)}")
         if self.next_experiment is not None:
             parts.append(_experiment_text(self.next_experiment))

@@ -54,8 +54,10 @@ class FarAbove(NamedTuple):
     """Mean square, over the rows of all that were asked, of what is left of them; 0 where there are none."""
     farthest: str
     """The record of which most is left."""
-    of: str
-    """What is known."""
+    farthest_um: float
+    """RMS of that."""
+    known: str
+    """What is known, for a person."""
 
 
 def beside_model(stage: Stage, runs: Mapping[str, Sequence[GapRun]]) -> Compared:
@@ -94,7 +96,8 @@ def unlike_others(final: FinalFit) -> list[str]:
     """One line for the held-out records, and beside reference records one for the training records, where the model
     with what was found leaves far more of one of them than of any record of the other roles: what moved the stage then
     is in none of these. Without reference records the training records may be the only ones that are quick."""
-    left = {role: _left_of_each(final.residuals(role)) for role in ROLES}
+    every = {role: _left_of_each(final.residuals(role)) for role in ROLES}
+    left = {role: [one for one in of_role if np.isfinite(one[1].share)] for role, of_role in every.items()}
     found = []
     for role in ("train", "holdout") if left["reference"] else ("holdout",):
         others = [one for other, of_role in left.items() if other != role for _, one in of_role]
@@ -103,17 +106,19 @@ def unlike_others(final: FinalFit) -> list[str]:
 
 
 def far_above_known(final: FinalFit, residuals: Sequence[RunResidual]) -> FarAbove:
-    """The records of which the final model leaves far more than of any reference record, or without these than its own
-    fit left. At rest only um count. None where the stage file does not say what the fit left."""
+    """The records of which the final model leaves far more than of any reference record, or without driven ones of
+    these than its own fit left. At rest only um count. None where the stage file does not say what the fit left."""
     references = [one for _, one in _left_of_each(final.residuals("reference"))]
-    known, of = (_most(references), "the reference records") if references else (_own_fit(final), "its own fit")
+    driven = any(np.isfinite(one.share) for one in references)
+    known = _most(references) if driven else _own_fit(final)
+    of = "any reference record" if driven else "what the model was fitted to"
     left = [(r, one) for r in residuals for _, one in _left_of_each([r])]
     far = [(r, one) for r, one in left if known is not None and one.far_beyond(known)]
     if not far:
-        return FarAbove(0.0, "", of)
+        return FarAbove(0.0, "", 0.0, of)
     rows = sum(len(r.error_um) for r in residuals)
-    farthest, _ = max(far, key=lambda pair: pair[1].um)
-    return FarAbove(sum(float(np.sum(r.error_um**2)) for r, _ in far) / rows, farthest.run.name, of)
+    farthest, most = max(far, key=lambda pair: pair[1].um)
+    return FarAbove(sum(float(np.sum(r.error_um**2)) for r, _ in far) / rows, farthest.run.name, most.um, of)
 
 
 def _own_fit(final: FinalFit) -> _Left | None:
@@ -125,15 +130,15 @@ def _own_fit(final: FinalFit) -> _Left | None:
 
 
 def _most(left: Sequence[_Left]) -> _Left:
-    """The most that is left of some records, of which those at rest have no share."""
-    return _Left(max((one.share for one in left if np.isfinite(one.share)), default=np.inf), max(o.um for o in left))
+    """The most that is left of some records, of which some are driven: those at rest have no share."""
+    return _Left(max(one.share for one in left if np.isfinite(one.share)), max(one.um for one in left))
 
 
 def _unlike(records: Sequence[_LeftOfRecord], others: Sequence[_Left]) -> list[str]:
     """One line for the driven records of which far more is left than of any other, as a share of their motion and in
     um; none where there are none."""
     most = _most(others)
-    far = [(name, one.share) for name, one in records if one.far_beyond(most) and np.isfinite(one.share)]
+    far = [(name, one.share) for name, one in records if one.far_beyond(most)]
     if not far:
         return []
     name, share = max(far, key=lambda pair: pair[1])

@@ -100,7 +100,8 @@ def _moved_zero(final: FinalFit, effects: Sequence[Effect], claimed: set[str]) -
     shifted = () if slow else best_explained(shifts)
     refuted = [] if slow or shifted else [name for name, shift in shifts.items() if shift.refuted]
     allowed = {effect.name: effect for effect in effects if effect.name not in claimed}
-    explained = set(shifted) <= set(allowed)
+    left_out = [name for name in shifted if name not in allowed]
+    explained = not left_out
     named = [_shifted(allowed[name], shifts[name]) for name in shifted] if explained else []
     excluded = [
         Bound(name, abs(shifts[name].amount) + shifts[name].half, effect.sizes[0].unit)
@@ -116,7 +117,7 @@ def _moved_zero(final: FinalFit, effects: Sequence[Effect], claimed: set[str]) -
         unknown=bool(refuted) or (bool(shifted) and not explained),
         messages=[
             *([_moved_back(refuted, shifts)] if refuted else []),
-            *([] if explained else [f"{_standing_off(shifted, shifts)}, which is left out of the catalogue"]),
+            *([] if explained else [f"{_standing_off(left_out, shifts)}, which is left out of the catalogue"]),
         ],
         drift_um_per_s=sum(rates),
     )

@@ -216,9 +216,10 @@ def _refuse_mixture(recordings: Sequence[Recording]) -> None:
                 "fit one-axis and three-axis recordings apart"
             )
         if abs(other.rate_Hz / first.rate_Hz - 1) > SAME_RATE:
+            slow, fast = sorted((other, first), key=lambda one: one.rate_Hz)
             raise BadInput(
-                f"{other.source}: is sampled at {other.rate_Hz:.6g} Hz but {first.source} at {first.rate_Hz:.6g} Hz; "
-                f"{times_in(other.rate_Hz, first.rate_Hz) or 'fit recordings of one rate together'}"
+                f"{slow.source}: is sampled at {slow.rate_Hz:.6g} Hz but {fast.source} at {fast.rate_Hz:.6g} Hz; "
+                f"{times_in(slow.rate_Hz, fast.rate_Hz) or 'fit recordings of one rate together'}"
             )
 
 

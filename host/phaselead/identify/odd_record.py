@@ -64,13 +64,14 @@ def about_unlike_record(axis: str, runs: Sequence[AxisRun], found: OperatorFit, 
     """What to say of the record without which the others are described far better, and otherwise of one of which more
     is left than of any stage."""
     shares = shares_left_by(found, modes, runs)
-    most = int(np.argmax(shares))
-    if shares[most] <= OF_ONE_STAGE:
+    if max(shares) <= OF_ONE_STAGE:
         return []
     odd = _unlike_others(axis, runs, shares)
-    noise = white_noise_rms(runs[most].x_um[runs[most].scored]) / runs[most].range_um
-    if odd or shares[most] <= MUCH_BETTER * noise:
+    noise = [white_noise_rms(run.x_um[run.scored]) / run.range_um for run in runs]
+    beyond = [i for i, share in enumerate(shares) if share > max(OF_ONE_STAGE, MUCH_BETTER * noise[i])]
+    if odd or not beyond:
         return odd
+    most = max(beyond, key=shares.__getitem__)
     return [
         f"axis {axis}: the fit leaves {digits(100 * shares[most], 2)} % of the range of {runs[most].source}, "
         f"of one stage less than {100 * OF_ONE_STAGE:g} %: does this voltage drive this position, and are the rows in "

@@ -73,7 +73,7 @@ def fitted_peak(
     fitted to the lines within ``sides_Hz``. ``start``: rms in um, frequency and bandwidth in Hz to begin from."""
     middle_Hz = math.sqrt(sides_Hz[0] * sides_Hz[1])
     records = [_Lines(one, sides_Hz, usual, middle_Hz) for part, usual in shaken for one in part]
-    model = _Model(effect, records, _looked_for(effect, records, band_Hz))
+    model = _PeakBesideNoise(effect, records, _looked_for(effect, records, band_Hz))
     fits = [model.fitted((*start[:2], share * start[2])) for share in START_BANDWIDTHS]
     best = min(fits, key=lambda fit: float(fit.fun))
     noise = minimize(model.misfit_of_noise, np.zeros(2), method="Nelder-Mead")
@@ -97,7 +97,7 @@ def _looked_for(
     }
 
 
-class _Model:
+class _PeakBesideNoise:
     """A peak beside noise of another level and slope: the logarithms of its parameters within ``ranges``, then these
     two."""
 
@@ -106,7 +106,7 @@ class _Model:
         self.low, self.high = np.log(list(ranges.values())).T
 
     def misfit(self, x: Samples) -> float:
-        """Minus the logarithm of how likely the lines are (5,), but for a constant."""
+        """Of ``x`` (5,): minus the logarithm of how likely the lines are, but for a constant."""
         inside = np.clip(x[:3], self.low, self.high)
         params = self._named(inside)
         peaks = [one.peak(self.effect, params) for one in self.records]

@@ -30,17 +30,18 @@ def largest_sizes(contest: Contest, fit: Fit, effects: Sequence[Effect]) -> Mapp
 
 
 def _largest(at_sizes: Sequence[SizedGroup]) -> float:
-    """Upper bound of a size that was simulated at some values, at one where it is linear. Each value gives a bound of
-    its own, from the largest on; one that the records rule out caps those of the smaller ones, which may show
-    nothing. Between that and the next, which may be there, the two say the same where the effect is linear; by as much
-    as the larger one allows less, neither tells what is between."""
-    found, of_larger, cannot_be = np.inf, np.inf, np.inf
+    """Upper bound of a size that was simulated at some values. Each gives a bound of its own, from the largest on, and
+    one that the records rule out caps those of the smaller ones, which may show nothing. Where an effect is linear, the
+    smallest that is ruled out and the largest that is not give the same bound. Where the first gives a smaller one, the
+    bound of the second is raised by their ratio: what is between shows less than in proportion."""
+    found, of_larger, cannot_be = np.inf, 0.0, np.inf
     for sized in sorted(at_sizes, key=lambda one: -one.group.steps[0]):
         deviation = float(np.hypot(sized.deviation, MOST_MISSED * sized.amount))
         step = sized.group.steps[0]
         said = (abs(sized.amount) + ONE_SIDED_95 * deviation) * step
         if said >= step:
-            return min(said * max(1.0, said / of_larger), cannot_be)
+            raised = said * said / of_larger if of_larger else said
+            return min(max(said, raised, of_larger), cannot_be)
         found = min(said, cannot_be)
         of_larger, cannot_be = said, step
     return found

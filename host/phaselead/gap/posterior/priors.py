@@ -8,8 +8,9 @@ from math import comb, log
 
 import numpy as np
 from scipy.special import gammaln
+from scipy.stats import t as t_distribution
 
-from phaselead.gap.error_rates import TWO_SIDED_95
+from phaselead.gap.error_rates import INSIDE
 from phaselead.gap.parameters import SizedEffect, is_logarithmic, to_internal
 from phaselead.model import Parameter
 from phaselead.record import Samples
@@ -18,8 +19,9 @@ SIZES = np.array([0.06, 0.25, 1.0, 2.5])
 """Deviations of sizes in typical values, all as likely: the literature's sizes of one effect span two decades."""
 LARGEST = float(SIZES[-1])
 """Deviation of a size of which nothing is known."""
-KNOWN_BEFORE = TWO_SIDED_95 * LARGEST
-"""Size in typical values that is as good as never exceeded: no record is needed to know that."""
+KNOWN_BEFORE = LARGEST * float(t_distribution.isf((1 - INSIDE) * len(SIZES) / 2, 1))
+"""Size in typical values that 95 of 100 stay below, of which only the tails of the last deviation reach so far: no
+record is needed to know that."""
 SHAPE_SPREAD = 1.2
 """Deviation of the logarithm of a shape about its typical value: a factor of 3 either way."""
 FLEXURE_ZETA, ZETA_SPREAD = 0.02, 0.7
