@@ -193,7 +193,7 @@ def test_a_fault_is_said_and_stays_in_view(context, served):
     page.get_by_label("waveform of x").fill("sine:60um@5Hz")
     page.get_by_role("button", name="Play").click()
     page.locator("#state[data-state=fault]").wait_for()
-    assert "oscillation" in page.inner_text("#alert")
+    page.locator("#alert").get_by_text("oscillation").wait_for()
     page.get_by_text("Cause: the loop runs away").wait_for()
     page.get_by_role("button", name="Go on").click()
     page.get_by_role("button", name="Park").click()
