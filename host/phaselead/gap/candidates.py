@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from phaselead.model import AxisModel, Effect, effect
+from phaselead.gap.residual import base_entries
+from phaselead.model import AxisModel, Effect
 from phaselead.quantity import digits
 
 HIGHEST_OF_RATE = 0.45
@@ -30,8 +31,7 @@ def shown_by(effects: Sequence[Effect], axis: AxisModel, step_s: float) -> tuple
 
 def _modes(axis: AxisModel) -> int:
     """Number of modes that a base has."""
-    entries = [(effect(one.name), one.params) for one in axis.effects]
-    return sum(len(one.modes(one.complete(params))) for one, params in entries if one.modes is not None)
+    return sum(len(one.modes(one.complete(params))) for one, params in base_entries(axis) if one.modes is not None)
 
 
 def responses(effects: Sequence[Effect], frozen: bool, referenced: bool) -> tuple[list[Effect], dict[str, str]]:

@@ -17,12 +17,12 @@ from phaselead.gap.floor import Floor
 from phaselead.gap.parameters import SizedEffect
 from phaselead.gap.posterior import LEAST_OF_MATERIAL, MOST_MISSED, before_record
 from phaselead.gap.records import GapRun, Role
-from phaselead.gap.residual import ModelledRun, RunResidual, modelled_run, power_um2
+from phaselead.gap.residual import ModelledRun, RunResidual, base_entries, modelled_run, power_um2
 from phaselead.gap.ringing import without_ringing
 from phaselead.gap.selection import Selection
 from phaselead.gap.unexplained import Unexplained
 from phaselead.identify import apart_from
-from phaselead.model import AxisModel, effect
+from phaselead.model import AxisModel
 from phaselead.record import Samples
 
 OF_THE_RICHEST = "what the richest model of all leaves of the training records"
@@ -95,15 +95,15 @@ class FinalFit:
         return WithoutHistory([left for left, _ in train], after, gap)
 
     def _pairs_without_history(self, role: Role, drift_um_per_s: float) -> list[tuple[RunResidual, Samples]]:
-        """Of each run what is left without a drift and without what slow effects had done before it began, and these
-        two (n,)."""
+        """Of each run what is left without a drift, without what slow effects had done before it began and, at rest,
+        without what the base still carries from then; and all of these together (n,)."""
         pairs = []
         for t, left in zip((t for t in self.after if t.run.role == role), self.residuals(role), strict=True):
-            history = drift_um_per_s * _about_mean(t.run.t_s[t.run.rows])
-            history = history + self._history(t, left.error_um - history)
+            apart = drift_um_per_s * _about_mean(t.run.t_s[t.run.rows])
+            apart = apart + self._history(t, left.error_um - apart)
             if t.run.idle:
-                history = history + _history_of_base(t, left.error_um - history)
-            pairs.append((RunResidual(t.run, left.error_um - history), history))
+                apart = apart + _history_of_base(t, left.error_um - apart)
+            pairs.append((RunResidual(t.run, left.error_um - apart), apart))
         return pairs
 
     def _history(self, modelled: ModelledRun, error: Samples) -> Samples:
@@ -156,9 +156,9 @@ class FinalFit:
         return float(np.clip((power_um2(without) - after) / max(before, 1e-30), 0.0, 1.0))
 
     def explained_um2(self, names: Sequence[str]) -> float:
-        """Mean square over the held-out rows that comes back without some effects, one after the other."""
+        """Mean square over the held-out rows that comes back without each of some effects, summed over these."""
         before = power_um2([left.error_um for left in self.residuals_before("holdout")])
-        return before * sum(self.share_of(effect.name) for effect, _ in self.entries if effect.name in names)
+        return before * sum(self.share_of(one.name) for one, _ in self.entries if one.name in names)
 
     def traces(self) -> list[Trace]:
         """Measured position of every held-out record, and each model's at the record's own offset."""
@@ -177,8 +177,7 @@ class FinalFit:
 def _history_of_base(modelled: ModelledRun, error: Samples) -> Samples:
     """The part (n,) of a residual at rest, about its mean, that the base's own lags and modes may still carry from
     before a run: each at most as much as in 95 of 100 stages."""
-    of_base = [(effect(one.name), one.params) for one in modelled.axis.effects]
-    before = np.concatenate([np.zeros((len(error), 0)), *before_record(modelled, of_base)], axis=1)
+    before = np.concatenate([np.zeros((len(error), 0)), *before_record(modelled, base_entries(modelled.axis))], axis=1)
     if not before.any():
         return np.zeros(len(error))
     before = before - before.mean(axis=0)

@@ -216,8 +216,7 @@ def _fading_um(axis: AxisModel, run: GapRun, stood: Began, rows: Index) -> Calla
 
 def _remembering(axis: AxisModel) -> list[Entry]:
     """The base's own effects that remember where they turned."""
-    entries = [(effect(e.name), e.params) for e in axis.effects]
-    return [(e, e.complete(params)) for e, params in entries if e.began_with is not None]
+    return [(e, e.complete(params)) for e, params in base_entries(axis) if e.began_with is not None]
 
 
 def nuisance_columns(axis: AxisModel, run: GapRun, began: Began | None) -> Samples:
@@ -284,6 +283,11 @@ def period_of(u_V: Samples) -> int | None:
 def power_um2(errors: Sequence[Samples]) -> float:
     """Mean square over all rows of some residuals (n_i,)."""
     return float(np.mean(np.concatenate(errors) ** 2))
+
+
+def base_entries(axis: AxisModel) -> list[Entry]:
+    """The effects that a model of an axis has, with their parameters."""
+    return [(effect(one.name), one.params) for one in axis.effects]
 
 
 @dataclass(frozen=True)

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from phaselead.gap.parameters import SizedEffect
-from phaselead.gap.residual import ModelledRun
-from phaselead.model import Effect, Params, effect, rewritten
+from phaselead.gap.residual import ModelledRun, base_entries
+from phaselead.model import Effect, Params, rewritten
 from phaselead.record import Samples
 
 
@@ -35,8 +35,7 @@ def without_ringing(modelled: ModelledRun, entries: Sequence[SizedEffect], error
 
 def _modes(modelled: ModelledRun, entries: Sequence[SizedEffect]) -> list[tuple[Effect, Params]]:
     """The effects of the model with modes, as others change them."""
-    base = [(effect(one.name), one.params) for one in modelled.axis.effects]
-    changed = rewritten([(one, one.complete(params)) for one, params in [*base, *entries]])
+    changed = rewritten([(one, one.complete(params)) for one, params in [*base_entries(modelled.axis), *entries]])
     return [(one, params) for one, params in changed if one.modes is not None and one.before_record is not None]
 
 

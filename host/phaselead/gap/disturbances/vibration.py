@@ -82,8 +82,8 @@ def louder_at_rest(train: Residuals, holdout: Residuals, reference: Residuals) -
 
 
 def _long_enough(*parts: Residuals) -> Parts:
-    """The records of each role at least half as long as the role of the shortest has one, or as is needed: one short
-    record would coarsen all spectra."""
+    """The records that are long enough for the finest spectra that every role can give, or for those that are needed;
+    half of that will do. One short record would coarsen all of them."""
     longest = [max(len(residual.error_um) for residual in part) for part in parts if part]
     rows = min(4 * VIBRATION_SEGMENT, *longest) / 2
     train, holdout, reference = ([r for r in part if len(r.error_um) >= rows] for part in parts)

@@ -17,8 +17,7 @@ from scipy.fft import dct, next_fast_len
 
 from phaselead.gap.parameters import SizedEffect, fresh_columns, parameters_of
 from phaselead.gap.posterior.before import before_record
-from phaselead.gap.residual import ModelledRun
-from phaselead.model import effect
+from phaselead.gap.residual import ModelledRun, base_entries
 from phaselead.record import Samples
 
 FALLS_BY = 4.0
@@ -113,8 +112,7 @@ class BlockedRun:
     @cached_property
     def _started(self) -> tuple[Samples, Samples]:
         """Columns (n, k) of where the base may have stood when the record began, and (k, k) to project them out."""
-        of_base = [(effect(one.name), one.params) for one in self.modelled.axis.effects]
-        before = before_record(self.modelled, of_base)
+        before = before_record(self.modelled, base_entries(self.modelled.axis))
         columns = np.concatenate([self.modelled.nuisances[:, 1:], *before], axis=1)[self.skipped :]
         columns = columns - columns.mean(axis=0)
         normal = columns.T @ columns + self.usual_um**2 * np.eye(columns.shape[1])

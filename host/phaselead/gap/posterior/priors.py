@@ -20,8 +20,8 @@ SIZES = np.array([0.06, 0.25, 1.0, 2.5])
 LARGEST = float(SIZES[-1])
 """Deviation of a size of which nothing is known."""
 KNOWN_BEFORE = LARGEST * float(t_distribution.isf((1 - INSIDE) * len(SIZES) / 2, 1))
-"""Size in typical values that 95 of 100 stay below, of which only the tails of the last deviation reach so far: no
-record is needed to know that."""
+"""Size in typical values that 95 of 100 stay below: no record is needed to know that. So far out only the last of
+``SIZES`` has any probability, and it is one of as many as there are."""
 SHAPE_SPREAD = 1.2
 """Deviation of the logarithm of a shape about its typical value: a factor of 3 either way."""
 FLEXURE_ZETA, ZETA_SPREAD = 0.02, 0.7
