@@ -74,6 +74,8 @@ class AxisResult:
     """What the model has that the base had not."""
     unexplained: Unexplained
     """How much of what the model with its names leaves can be predicted from the voltage."""
+    spans_s: Sequence[tuple[float, float]] = ()
+    """First and last time of each record that may hold what was found."""
     spectra: Sequence[Spectrum] = ()
     """Of disturbances, which are looked for where axes are searched one by one."""
     detectable: Sequence[Detectable] = ()
@@ -151,6 +153,7 @@ def search_axis(
         next_experiment=_proposal(vouched.selection),
         candidates=list(vouched.selection.candidates),
         traces=final.traces(),
+        spans_s=[(float(run.t_s[0]), float(run.t_s[-1])) for run in runs if run.role != "reference"],
         spectra=other.spectra,
         messages=[
             *vouched.messages,
@@ -207,7 +210,10 @@ def _claimed(selection: Selection, final: FinalFit) -> _Claimed:
         named.append(NamedEffect(name, memory.params, final.share_of(name), memory.why, memory.probability))
     for claim in (*selection.claims, *selection.nameless_claims):
         name = claim.effect.name
-        found = NamedEffect(name, selection.estimates[name], final.share_of(name), _why(claim), claim.probability)
+        found = NamedEffect(
+            name, selection.estimates[name], final.share_of(name), _why(claim), claim.probability,
+            posterior=selection.posteriors[name],
+        )  # fmt: skip
         entries.append(found)
         if claim in selection.nameless_claims:
             continue

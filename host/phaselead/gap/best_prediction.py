@@ -15,6 +15,7 @@ from phaselead.gap.error_rates import INSIDE
 from phaselead.gap.least_squares import fitted_in_um, squares_left
 from phaselead.gap.parameters import SizedEffect, entries_at, internal
 from phaselead.gap.residual import ModelledRun
+from phaselead.gap.zero import about_their_zero, standing_together
 from phaselead.record import Samples
 
 EVALUATIONS = 12
@@ -22,24 +23,26 @@ EVALUATIONS = 12
 
 
 def best_predicting(
-    entries: Sequence[SizedEffect], covariance: Samples, runs: Sequence[ModelledRun]
+    entries: Sequence[SizedEffect], covariance: Samples, runs: Sequence[ModelledRun], levelled: bool = False
 ) -> tuple[SizedEffect, ...]:
     """The parameters that leave least of some runs, in um about each one's mean, among those that lie within the region
-    of 95 % about ``entries``.
+    of 95 % about ``entries``. Where an effect moves the zero, driven runs that are ``levelled`` count about the mean of
+    them all: where they stand says more of a zero that moves than how far it moves within each.
 
     ``covariance`` is (parameters, parameters) in internal units.
     """
     start = internal(entries)
     if not len(start):
         return tuple(entries)
-    found, _ = fitted_in_um(entries, runs, _about_mean, EVALUATIONS)
+    together = standing_together(entries, runs, levelled)
+
+    def about_zero(columns: Sequence[Samples]) -> Samples:
+        return np.concatenate(about_their_zero(columns, together))
+
+    found, _ = fitted_in_um(entries, runs, about_zero, EVALUATIONS)
     off = internal(found) - start
     distance2 = float(off @ np.linalg.solve(covariance, off))
     inside = min(1.0, float(np.sqrt(chi2.ppf(INSIDE, len(start)) / max(distance2, 1e-12))))
     at_start, moved = (entries_at(entries, x) for x in (start, start + inside * off))
-    better = squares_left(moved, runs, _about_mean) < squares_left(at_start, runs, _about_mean)
+    better = squares_left(moved, runs, about_zero) < squares_left(at_start, runs, about_zero)
     return moved if better else at_start
-
-
-def _about_mean(columns: Sequence[Samples]) -> Samples:
-    return np.concatenate([one - one.mean(axis=0) for one in columns])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final
 
 from phaselead.model import AdoptedStatus
@@ -14,6 +14,16 @@ Estimate = tuple[float, str, Interval]
 """Value, unit, 95 % interval."""
 Estimates = tuple[tuple[float, ...], str, tuple[Interval, ...]]
 """One for each of several modes."""
+
+
+@dataclass(frozen=True)
+class Posterior:
+    """Of the parameters of an effect, as a normal distribution."""
+
+    params: Mapping[str, float]
+    """The most likely ones; those that are adopted predict best."""
+    covariance: Samples
+    """(k, k) in their units, in order."""
 
 
 @dataclass(frozen=True)
@@ -29,6 +39,8 @@ class NamedEffect:
     """That it is there, and not one of its rivals or nothing."""
     axis: str | None = None
     """As in everything below: None where the data have a single one."""
+    posterior: Posterior | None = field(default=None, compare=False, repr=False)
+    """Of the parameters; None where it is not known."""
 
 
 @dataclass(frozen=True)

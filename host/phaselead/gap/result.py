@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
+from phaselead.gap.derived import derived_of
 from phaselead.gap.findings import (
     PROVISIONAL,
     Adopted,
@@ -28,7 +29,7 @@ from phaselead.gap.findings import (
 from phaselead.gap.locate import excludes, explained, headline, three_digits, unit_of
 from phaselead.gap.unexplained import Unexplained
 from phaselead.gap.verify_on import TrackingComparison
-from phaselead.model import Scene, Stage, catalogue, derived_sizes
+from phaselead.model import Scene, Stage, catalogue
 from phaselead.record import Source, write_text
 from phaselead.result import Result, Table, json_text
 
@@ -74,6 +75,8 @@ class GapResult(Result):
     next_experiment: NextExperiment | None
     holdout_sha256: tuple[str, ...]
     candidates: tuple[Candidate, ...] = ()
+    spans_s: Mapping[str, tuple[tuple[float, float], ...]] = field(default_factory=dict)
+    """By axis, first and last time of each record that may hold what was found."""
     traces: tuple[Trace, ...] = ()
     spectra: tuple[Spectrum, ...] = ()
     untestable_why: dict[str, str] = field(default_factory=dict)
@@ -140,8 +143,7 @@ class GapResult(Result):
         """Its parameters and, behind them, what they come to as a person means them: a bow's peak, a mean rate."""
         compared = self.compared.axes
         axis = effect.axis or (self.traces[0].axis if self.traces else next(iter(compared)))
-        spans_s = tuple((float(t.t_s[0]), float(t.t_s[-1])) for t in self.traces if t.axis == axis)
-        return {**effect.params, **derived_sizes(effect.name, effect.params, Scene(compared[axis], spans_s))}
+        return {**effect.params, **derived_of(effect, Scene(compared[axis], self.spans_s.get(axis, ())))}
 
     @property
     def next_model(self) -> Stage:

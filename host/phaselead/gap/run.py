@@ -100,6 +100,7 @@ def _joined(results: Sequence[AxisResult], stage: Stage, holdout_sha256: tuple[s
         next_experiment=next((r.next_experiment for r in results if r.next_experiment is not None), None),
         holdout_sha256=holdout_sha256,
         candidates=tuple(c for r in results for c in r.candidates),
+        spans_s={r.axis: tuple(r.spans_s) for r in results},
         traces=tuple(t for r in results for t in r.traces),
         spectra=tuple(s for r in results for s in r.spectra),
         untestable_why={name: why for r in results for name, why in r.untestable.items()},

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 
 from phaselead.gap.base_operator import find_memory
 from phaselead.gap.best_prediction import best_predicting
 from phaselead.gap.error_rates import ERROR_RATE
-from phaselead.gap.findings import NAMED, NOT_NAMED, Candidate, Estimate
+from phaselead.gap.findings import NAMED, NOT_NAMED, Candidate, Estimate, Posterior
 from phaselead.gap.parameters import SizedEffect
 from phaselead.gap.posterior import (
     Claim,
@@ -19,6 +19,7 @@ from phaselead.gap.posterior import (
     intervals,
     judge,
     likelihood_of,
+    posteriors,
     search_sets,
     shows_itself,
 )
@@ -26,6 +27,7 @@ from phaselead.gap.records import GapRun
 from phaselead.gap.residual import ModelledRun, modelled_run
 from phaselead.gap.savings import probability_by_chance, saved_by_block
 from phaselead.gap.selection import Selection, with_a_name
+from phaselead.gap.zero import standing_together
 from phaselead.model import AxisModel, Effect
 
 SHOWN_SETS = 12
@@ -62,29 +64,39 @@ def select_effects(
     contest = search_sets(likelihood, [*left, *nameless], lambda share: on_progress(0.1 + 0.9 * share))
     names = frozenset(effect.name for effect in nameless)
     judgement = judge(contest, names)
-    claims, entries, estimates = _estimated(contest, judgement, open_plays=memory is not None)
+    claims, found = _estimated(contest, judgement, open_plays=memory is not None)
     # Where every claim was withdrawn, what it was for is still there.
     judged = replace(judgement, claims=with_a_name(judgement.claims, names) if claims else ())
     all_named = with_a_name(claims, names) == claims
     return Selection(
         base=base,
         start=axis,
-        entries=entries,
+        entries=found.entries,
         contest=contest,
         found=claims,
         nameless=names,
         something_unnamed=judged.something_unnamed,
-        estimates=estimates,
+        estimates=found.intervals,
+        posteriors=found.posteriors,
         candidates=_candidates(contest, replace(judgement, claims=claims if all_named else ())),
         memory=memory,
     )
 
 
-def _estimated(
-    contest: Contest, judgement: Judgement, open_plays: bool
-) -> tuple[tuple[Claim, ...], tuple[SizedEffect, ...], dict[str, Mapping[str, Estimate]]]:
-    """The claims that do not harm, are of some size and at no end of what is known, their effects with the parameters
-    that predict best, and by name the interval of each parameter.
+@dataclass(frozen=True)
+class _Estimated:
+    """Effects with the parameters that predict best."""
+
+    entries: tuple[SizedEffect, ...] = ()
+    intervals: Mapping[str, Mapping[str, Estimate]] = field(default_factory=dict)
+    """Of each parameter, by effect."""
+    posteriors: Mapping[str, Posterior] = field(default_factory=dict)
+    """Of these, by effect."""
+
+
+def _estimated(contest: Contest, judgement: Judgement, open_plays: bool) -> tuple[tuple[Claim, ...], _Estimated]:
+    """The claims that do not harm, are of some size and at no end of what is known, and their effects with the
+    parameters that predict best.
 
     What is adopted is learned without the held-out records, so that these may judge it. Where the base's plays move
     with every effect (``open_plays``), they say nothing before these are fitted anew.
@@ -95,14 +107,16 @@ def _estimated(
         [run.modelled for run in everything.runs if run.modelled.run.role == role] for role in ("train", "holdout")
     )
 
+    levelled = any(run.levelled for run in everything.runs)
+
     def best_of(fit: Fit) -> tuple[SizedEffect, ...]:
-        return best_predicting(fit.entries, fit.covariance, train)
+        return best_predicting(fit.entries, fit.covariance, train, levelled)
 
     while claims:
         entries = tuple(
             entry for entry in judgement.best.entries if entry[0].name in {claim.effect.name for claim in claims}
         )
-        kept = claims if open_plays else _that_pay(held, best_of(everything.fit(entries)), claims)
+        kept = claims if open_plays else _that_pay(held, best_of(everything.fit(entries)), claims, levelled)
         if len(kept) == len(claims):
             fit = learned.fit(entries)
             adopted = best_of(fit)
@@ -112,21 +126,27 @@ def _estimated(
             no_name = {entry[0].name for entry, one in pairs if not one or at_an_end([entry])}
             kept = tuple(claim for claim in claims if len(claim.tied) > 1 or claim.effect.name not in no_name)
             if len(kept) == len(claims):
-                return claims, adopted, {effect.name: one for (effect, _), one in zip(adopted, values, strict=True)}
+                names = [effect.name for effect, _ in adopted]
+                told = posteriors(fit.entries, fit.covariance)
+                return claims, _Estimated(
+                    adopted, dict(zip(names, values, strict=True)), dict(zip(names, told, strict=True))
+                )
         claims = kept
-    return (), (), {}
+    return (), _Estimated()
 
 
 def _that_pay(
-    held: Sequence[ModelledRun], entries: Sequence[SizedEffect], claims: Sequence[Claim]
+    held: Sequence[ModelledRun], entries: Sequence[SizedEffect], claims: Sequence[Claim], levelled: bool
 ) -> tuple[Claim, ...]:
-    """The claims without which the held-out records are not predicted better, in um, than with them."""
+    """The claims without which the held-out records are not predicted better, in um, than with them, nor are their
+    levels, where these say something (``levelled``)."""
     kept = list(claims)
     for claim in claims:
         names = {one.effect.name for one in kept}
         tried = [entry for entry in entries if entry[0].name in names]
         without = [entry for entry in tried if entry[0].name != claim.effect.name]
-        if probability_by_chance(saved_by_block(held, tried, held, without)) < ERROR_RATE:
+        together = standing_together(tried, held, levelled)
+        if probability_by_chance(saved_by_block(held, tried, held, without, together)) < ERROR_RATE:
             kept.remove(claim)
     return tuple(kept)
 

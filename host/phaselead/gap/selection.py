@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from collections.abc import Set as AbstractSet
 from dataclasses import dataclass, field, replace
 
-from phaselead.gap.findings import NAMED, WITHDRAWN, Candidate, Estimate
+from phaselead.gap.findings import NAMED, WITHDRAWN, Candidate, Estimate, Posterior
 from phaselead.gap.parameters import SizedEffect
 from phaselead.gap.posterior import Claim, Contest
 from phaselead.gap.records import Role
@@ -44,6 +44,8 @@ class Selection:
     """Whether something is there that no name is sure to be."""
     estimates: Mapping[str, Mapping[str, Estimate]] = field(default_factory=dict)
     """Value, unit and interval of every parameter by effect."""
+    posteriors: Mapping[str, Posterior] = field(default_factory=dict)
+    """Of the parameters, by effect."""
     candidates: tuple[Candidate, ...] = ()
     """The sets that were compared last."""
     memory: Memory | None = None
@@ -78,7 +80,7 @@ class Selection:
     def withdrawn(self) -> Selection:
         """The same where no claim survives: nothing stands in the place of another effect, or beside it."""
         candidates = tuple(replace(c, remark=WITHDRAWN) if c.remark == NAMED else c for c in self.candidates)
-        return replace(self, entries=(), found=(), estimates={}, candidates=candidates)
+        return replace(self, entries=(), found=(), estimates={}, posteriors={}, candidates=candidates)
 
 
 def with_a_name(claims: Sequence[Claim], nameless: AbstractSet[str]) -> tuple[Claim, ...]:

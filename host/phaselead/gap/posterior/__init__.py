@@ -6,7 +6,7 @@ from phaselead.gap.posterior.absent import largest_sizes
 from phaselead.gap.posterior.before import before_record
 from phaselead.gap.posterior.detectable import MOST_STATED
 from phaselead.gap.posterior.forecast import Forecast
-from phaselead.gap.posterior.interval import intervals, intervals_alone, shows_itself
+from phaselead.gap.posterior.interval import intervals, intervals_alone, posteriors, shows_itself
 from phaselead.gap.posterior.likelihood import Likelihood
 from phaselead.gap.posterior.missed import LEAST_OF_MATERIAL, MOST_MISSED, TIMES_BASE
 from phaselead.gap.posterior.priors import KNOWN_BEFORE
@@ -38,6 +38,7 @@ __all__ = [
     "largest_sizes",
     "likelihood_of",
     "names_of",
+    "posteriors",
     "search_sets",
     "shows_itself",
 ]

@@ -2,6 +2,8 @@
 
 A record becomes its cosine coefficients, which have no jump at its ends, and these are gathered by octave. Within an
 octave only the mean power counts, so that nothing is asked of the shape of what a model misses, only how large it is.
+In front of the octaves stands the record's level, the mean of all its rows: by itself it says nothing, since the zero
+of a session is anywhere, but from record to record it says how the zero moves.
 """
 
 from __future__ import annotations
@@ -17,6 +19,7 @@ from scipy.fft import dct, next_fast_len
 
 from phaselead.gap.parameters import SizedEffect, fresh_columns, parameters_of
 from phaselead.gap.posterior.before import before_record
+from phaselead.gap.records import GapRun, Role
 from phaselead.gap.residual import ModelledRun, base_entries
 from phaselead.record import Samples
 
@@ -29,6 +32,11 @@ sensors and buses have ended by then."""
 REMEMBERED = 128
 """Columns of a record that are kept, those of the sets of effects that were asked for last."""
 
+FEWEST_LEVELS = 3
+"""Driven reference records from which it can be told how their levels scatter."""
+OF_LEVEL = -99
+"""In place of its octave, the block of a record's level."""
+
 Counts = NDArray[np.intp]
 """Whole numbers, (k,)."""
 
@@ -38,22 +46,24 @@ class Simulated:
     """What a set of effects does in one record, as coefficients; in a reference record they do nothing."""
 
     columns: Samples
-    """(n - 1, p + b + 1) tangents of all p parameters, b things that slow effects had done before the record began, one
+    """(n, p + b + 1) tangents of all p parameters, b things that slow effects had done before the record began, one
     prior deviation each, and the residual. Of a reference record the residual alone."""
     tangents: int
     """p, of a reference record 0."""
     power: Samples
     """(entries, blocks) mean power of what each effect adds to the others."""
+    level_um: Samples
+    """(entries,) mean of the same."""
     of_effects: tuple[int, ...]
     """(b,) The entry that had done each of the b things before."""
 
     @property
     def before(self) -> Samples:
-        """(n - 1, b) of the columns."""
+        """(n, b) of the columns."""
         return self.columns[:, self.tangents : -1]
 
     def of_tangents(self, p: int) -> Samples:
-        """(n - 1, p) of all parameters; of a reference record zeros."""
+        """(n, p) of all parameters; of a reference record zeros."""
         return self.columns[:, :p] if self.tangents else np.zeros((len(self.columns), p))
 
 
@@ -64,6 +74,8 @@ class BlockedRun:
     modelled: ModelledRun
     usual_um: float
     """Deviation of what the base leaves: how surely a record tells where its plays stood."""
+    zero_um: float | None = None
+    """About which the levels of its session are given; None where its level says nothing."""
     _known: dict[tuple[object, ...], Simulated] = field(default_factory=dict, compare=False)
     """What was simulated last, by effects and parameters."""
 
@@ -82,11 +94,17 @@ class BlockedRun:
         most = scored - min(round(CARRIED_OVER_s / run.step_s), scored // 2)
         return next(n for n in range(most, 0, -1) if next_fast_len(n) == n)
 
+    @property
+    def levelled(self) -> bool:
+        """Whether its first block is its level."""
+        return self.zero_um is not None
+
     @cached_property
     def edges(self) -> Counts:
-        """Coefficients at which the octaves begin, and their number."""
+        """Coefficients at which the blocks begin, and their number."""
         n = self.rows
-        return np.array([*(2**i for i in range(int(np.log2(n - 1)) + 1)), n], dtype=np.intp) - 1
+        of_octaves = np.array([*(2**i for i in range(int(np.log2(n - 1)) + 1)), n], dtype=np.intp)
+        return np.array([0, *of_octaves]) if self.levelled else of_octaves - 1
 
     @cached_property
     def sizes(self) -> Counts:
@@ -95,19 +113,31 @@ class BlockedRun:
 
     @cached_property
     def octaves(self) -> Counts:
-        """Octave (blocks,) above 1 Hz of each block, a whole number."""
-        middle_Hz = (self.edges[:-1] + self.edges[1:] + 1) / (4 * self.rows * self.modelled.run.step_s)
-        return np.round(np.log2(middle_Hz)).astype(np.intp)
+        """Octave (blocks,) above 1 Hz of each block, a whole number, or ``OF_LEVEL``."""
+        at = self.edges + (0 if self.levelled else 1)
+        middle_Hz = (at[:-1] + at[1:] - 1)[self.levelled :] / (4 * self.rows * self.modelled.run.step_s)
+        return np.array([*[OF_LEVEL] * self.levelled, *np.round(np.log2(middle_Hz))], dtype=np.intp)
 
     def coefficients(self, columns: Samples) -> Samples:
-        """Cosine coefficients (n - 1, k) of columns (n + skipped, k) in um over the scored rows, without the record's
-        own offset, the start of its plays and what the base's own lags and modes still carry from before it."""
+        """Cosine coefficients of columns (n + skipped, k) in um over the scored rows, without the record's own offset,
+        the start of its plays and what the base's own lags and modes still carry from before it; in front of them the
+        mean in um as it is, if ``levelled``: where plays stood is told by what the record looks like, and what looks a
+        little like it would move the mean as well. (n, k)"""
         kept = columns[self.skipped :].T  # a column in one piece of memory is transformed in half the time
-        centred = kept - kept.mean(axis=1, keepdims=True)
+        level = kept.mean(axis=1, keepdims=True)
+        centred = kept - level
         started, root = self._started
         if started.shape[1]:
             centred -= centred @ started @ root @ started.T
-        return np.asarray(dct(centred, axis=1, norm="ortho", overwrite_x=True)[:, 1:].T)
+        found = dct(centred, axis=1, norm="ortho", overwrite_x=True)
+        if not self.levelled:
+            return np.asarray(found[:, 1:].T)
+        found[:, :1] = level
+        return np.asarray(found.T)
+
+    def coefficients_left(self, error_um: Samples) -> Samples:
+        """The same (coefficients, 1) of a residual (n + skipped,) in um, its level about the zero of the session."""
+        return self.coefficients((error_um - (self.zero_um or 0.0))[:, None])
 
     @cached_property
     def _started(self) -> tuple[Samples, Samples]:
@@ -119,7 +149,7 @@ class BlockedRun:
         return columns, np.linalg.inv(normal)
 
     def products(self, left: Samples, right: Samples) -> Samples:
-        """Mean products (blocks, k, q) within each octave of coefficients (n - 1, k) and (n - 1, q)."""
+        """Mean products (blocks, k, q) within each block of coefficients (n, k) and (n, q)."""
         found: Samples = np.empty((len(self.sizes), left.shape[1], right.shape[1]))
         for one, (a, b) in zip(found, pairwise(self.edges.tolist()), strict=True):
             np.matmul(left[a:b].T, right[a:b], out=one)
@@ -132,13 +162,17 @@ class BlockedRun:
 
     @cached_property
     def motion(self) -> Samples:
-        """Mean power (blocks,) in um^2 of the base's answer, spread over the octaves beside its own."""
-        return self.spread(self.power(self.modelled.answer()))
+        """Mean power (blocks,) in um^2 of the base's answer, spread over the octaves beside its own. That of
+        the level is what its lowest octave brings to a mean, since where the base stands is no motion."""
+        found = self.spread(self.power(self.modelled.answer()))
+        if self.levelled:
+            found[0] = found[1] / self.rows
+        return found
 
     @cached_property
     def base_error(self) -> Samples:
-        """Coefficients (n - 1, 1) of what the base leaves."""
-        return self.coefficients(self.modelled.error()[:, None])
+        """Coefficients (n, 1) of what the base leaves."""
+        return self.coefficients_left(self.modelled.error())
 
     @cached_property
     def base_left_um2(self) -> Samples:
@@ -158,16 +192,18 @@ class BlockedRun:
 
     def _simulated(self, entries: tuple[SizedEffect, ...]) -> Simulated:
         if not self.changed:
-            return Simulated(self.base_error, 0, np.zeros((len(entries), len(self.sizes))), ())
+            return Simulated(self.base_error, 0, np.zeros((len(entries), len(self.sizes))), np.zeros(len(entries)), ())
         answer, e, p = self.modelled.answer(entries), len(entries), len(parameters_of(entries))
         added = [answer - self.modelled.answer([*entries[:i], *entries[i + 1 :]]) for i in range(e)]
         fresh = fresh_columns(self.modelled, entries)
         before = before_record(self.modelled, entries)
-        each = [np.array(added).reshape(e, len(answer)), fresh.T[:-1], *(one.T for one in before), fresh.T[-1:]]
+        left = fresh.T[-1:] - (self.zero_um or 0.0)
+        each = [np.array(added).reshape(e, len(answer)), fresh.T[:-1], *(one.T for one in before), left]
         columns = self.coefficients(np.concatenate(each).T)
         squares = np.add.reduceat(columns[:, :e] ** 2, self.edges[:-1], axis=0).T
         of = tuple(i for i, part in enumerate(before) for _ in range(part.shape[1]))
-        return Simulated(columns[:, e:].copy(order="K"), p, squares / self.sizes, of)
+        level_um = columns[0, :e].copy() if self.levelled else np.zeros(e)
+        return Simulated(columns[:, e:].copy(order="K"), p, squares / self.sizes, level_um, of)
 
     def power(self, column: Samples) -> Samples:
         """Mean power (blocks,) in um^2 of a column (n + skipped,) in um."""
@@ -175,14 +211,40 @@ class BlockedRun:
         return self.products(c, c)[:, 0, 0]
 
     def spread(self, power: Samples) -> Samples:
-        """The same power (..., blocks), spread over the octaves beside its own."""
+        """The same power (..., blocks), spread over the octaves beside its own; that of a level stays."""
         apart = np.abs(np.arange(len(self.sizes))[:, None] - np.arange(len(self.sizes)))
-        share = FALLS_BY ** -apart.astype(float)
+        level = self.octaves == OF_LEVEL
+        share = np.where(level[:, None] == level, FALLS_BY ** -apart.astype(float), 0.0)
         return np.asarray((power * self.sizes) @ (share / share.sum(axis=0)).T / self.sizes)
 
 
 def blocked(runs: Sequence[ModelledRun]) -> list[BlockedRun]:
-    """The runs in octaves."""
+    """The runs in octaves, and the levels of driven ones where reference records tell how these scatter and each record
+    has a time of its own. At rest a stage stands where its plays stood, which nobody knows."""
     references = [m for m in runs if m.run.role == "reference"]
     usual_um = float(np.sqrt(np.mean([np.var(m.error()) for m in references or runs])))
-    return [BlockedRun(m, max(usual_um, 1e-12)) for m in runs]
+    usual_um = max(usual_um, 1e-12)
+    driven = [m for m in runs if not m.run.idle]
+    tell = sum(m.run.role == "reference" for m in driven) >= FEWEST_LEVELS and _one_after_another([m.run for m in runs])
+    means: dict[Role, list[float]] = {}
+    for m in driven if tell else ():
+        means.setdefault(m.run.role, []).append(float(m.error().mean()))
+    zeros_um = {role: float(np.mean(of_role)) for role, of_role in means.items()}
+    return [BlockedRun(m, usual_um, None if m.run.idle else zeros_um.get(m.run.role)) for m in runs]
+
+
+def _one_after_another(runs: Sequence[GapRun]) -> bool:
+    """Whether no two records were taken at the same time: where each begins at 0 s, nobody knows which came first."""
+    spans_s = sorted((float(run.t_s[0]), float(run.t_s[-1])) for run in runs)
+    return all(end_s <= begin_s for (_, end_s), (begin_s, _) in pairwise(spans_s))
+
+
+def about_their_sessions(runs: Sequence[BlockedRun], levels: Sequence[Samples]) -> list[Samples]:
+    """Levels (k,) of columns in each run about their mean over the runs of the same session; those of runs that have
+    none as they are."""
+    sessions = {run.modelled.run.role for run in runs if run.levelled}
+    pairs = list(zip(runs, levels, strict=True))
+    means = {
+        role: np.mean([level for run, level in pairs if run.modelled.run.role == role], axis=0) for role in sessions
+    }
+    return [level - means[run.modelled.run.role] if run.levelled else level for run, level in pairs]

@@ -37,7 +37,7 @@ MOST_STATED = 10.0
 """Typical sizes beyond which nobody asks."""
 
 Coefficients = Sequence[Samples]
-"""Per run those (n - 1, k) of k columns."""
+"""Per run those (n, k) of k columns."""
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ class Shapes:
 
     groups: Sequence[RegressorGroup]
     columns: Sequence[NDArray[np.float32]]
-    """Per run the coefficients (n - 1, k) of every group, zeros of a reference."""
+    """Per run the coefficients (n, k) of every group, zeros of a reference."""
 
     def of(self, name: str) -> list[int]:
         """The groups of one effect at typical sizes."""
@@ -54,7 +54,7 @@ class Shapes:
         return [i for i, group in named if group.steps == typical_sizes(group.effect)]
 
     def first(self, index: int) -> Coefficients:
-        """(n - 1, 1) of the first size of a group."""
+        """(n, 1) of the first size of a group."""
         at = sum(len(group.steps) for group in self.groups[:index])
         return [columns[:, [at]].astype(np.float64) for columns in self.columns]
 
@@ -125,7 +125,9 @@ class _Expected:
         runs = zip(self._likelihood.runs, typical, strict=True)
         effect, params = entry = self._entry(index, times)
         simulated = params[effect.sizes[0].name] / self._shapes.groups[index].steps[0]
-        return [_added(run, entry) / simulated if run.changed and simulated else column for run, column in runs]
+        return self._likelihood.about_their_sessions(
+            [_added(run, entry) / simulated if run.changed and simulated else column for run, column in runs]
+        )
 
     @cached_property
     def _first(self) -> Callable[[int], Coefficients]:
@@ -220,10 +222,10 @@ class _Expected:
 
 
 def _side_by_side(columns: Sequence[Coefficients]) -> list[Samples]:
-    """Per run those (n - 1, k) of all of several."""
+    """Per run those (n, k) of all of several."""
     return [np.concatenate(of_run, axis=1) for of_run in zip(*columns, strict=True)]
 
 
 def _added(run: BlockedRun, entry: SizedEffect) -> Samples:
-    """Coefficients (n - 1, 1) of what an effect adds to the base."""
+    """Coefficients (n, 1) of what an effect adds to the base."""
     return run.coefficients((run.modelled.answer([entry]) - run.modelled.answer())[:, None])

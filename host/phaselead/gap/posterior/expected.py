@@ -47,13 +47,22 @@ class Expected:
     noise_spread: Samples
     """(octaves,) Over which part of a block's coefficients noise is spread: all, where it is white, and few, where it
     is a line. None where no record at rest shows it: what is taken for it may be missed as well."""
+    scatter_um2: float = 0.0
+    """Of the levels of records."""
+    scatter_told: float = UNTOLD
+    """As many levels as tell it."""
 
     def of(self, run: BlockedRun, motion: Samples) -> tuple[Samples, Samples, Samples]:
         """Noise and misfit (blocks,) in um^2 per coefficient of a run whose base has this power (blocks,), and how many
         coefficients tell their sum: degrees of freedom of Student's t (Welch 1947)."""
         at = self._at(run.octaves)
+        at[: run.levelled] = at[1]
         noise, base = self.noise_um2[at], self.share[at] * motion
         told = (noise + base) ** 2 / (noise**2 / self.noise_told[at] + base**2 / self.share_told[at])
+        if run.levelled:
+            noise[0] /= run.rows
+            base[0] += self.scatter_um2
+            told[0] = self.scatter_told
         return noise, base, told
 
     def counted(self, octaves: Counts, sizes: Counts, noise: Samples, missed: Samples) -> Samples:
@@ -71,7 +80,7 @@ class Expected:
 
 def expected_of(runs: Sequence[BlockedRun]) -> Expected:
     """From the reference records among the runs, or without them from a prior."""
-    first = min(int(run.octaves.min()) for run in runs)
+    first = min(int(run.octaves[run.levelled :].min()) for run in runs)
     count = max(int(run.octaves.max()) for run in runs) - first + 1
     references = [i for i, run in enumerate(runs) if run.modelled.run.role == "reference"]
     told_by = references or list(range(len(runs)))
@@ -81,24 +90,36 @@ def expected_of(runs: Sequence[BlockedRun]) -> Expected:
         (runs[i].octaves - first, left[i], runs[i].motion, np.full(len(left[i]), i in idle), runs[i].sizes)
         for i in told_by
     ]
-    octave, power, motion, at_rest, sizes = (np.concatenate(parts) for parts in zip(*rows, strict=True))
+    octave, power, motion, at_rest, sizes = (
+        np.concatenate([part[runs[i].levelled :] for i, part in zip(told_by, parts, strict=True)])
+        for parts in zip(*rows, strict=True)
+    )
+    levels = _scatter([runs[i] for i in references])
     noise, noise_told = _noise(octave, power, at_rest, sizes, count)
     noise_spread = _noise_spread([runs[i] for i in idle], first, count)
     untold = np.full(count, UNTOLD)
     if not references:
         floor = np.full(count, float(np.min(noise)))
         noise, noise_told = (noise, noise_told) if idle else (floor, untold)
-        return Expected(first, noise, np.full(count, BASE_SHARE**2), noise_told, untold, noise_spread)
+        return Expected(first, noise, np.full(count, BASE_SHARE**2), noise_told, untold, noise_spread, *levels)
     driven = ~at_rest
     if not driven.any():
-        return Expected(first, noise, np.full(count, BASE_SHARE**2), noise_told, untold, noise_spread)
+        return Expected(first, noise, np.full(count, BASE_SHARE**2), noise_told, untold, noise_spread, *levels)
     octave, power, motion = octave[driven], power[driven], motion[driven]
     share = _share_of_motion(octave, power, motion, noise)
     blocks = np.bincount(octave, minlength=count).astype(float)
     near = _smooth(blocks)
     share_told = np.where(near > 0, near**2 / np.maximum(_smooth_squared(blocks), 1e-30), UNTOLD)
     # Records differ in their noise too: it is never known better than what the base misses.
-    return Expected(first, noise, share, np.minimum(noise_told, share_told), share_told, noise_spread)
+    return Expected(first, noise, share, np.minimum(noise_told, share_told), share_told, noise_spread, *levels)
+
+
+def _scatter(references: Sequence[BlockedRun]) -> tuple[float, float]:
+    """Variance in um^2 of the levels of reference records about their mean, and how many tell it."""
+    levels_um = [float(run.base_error[0, 0]) for run in references if run.levelled]
+    if not levels_um:
+        return 0.0, UNTOLD
+    return max(float(np.var(levels_um, ddof=1)), LEAST_UM2), len(levels_um) - 1.0
 
 
 def _share_of_motion(octave: Samples, power: Samples, motion: Samples, noise: Samples) -> Samples:
@@ -130,10 +151,10 @@ def _noise_spread(at_rest: Sequence[BlockedRun], first: int, count: int) -> Samp
     participation ratio of their squares, which makes 1 where they are normal and alike."""
     squares, fourths, sizes = np.zeros(count), np.zeros(count), np.zeros(count)
     for run in at_rest:
-        c, at = run.base_error[:, 0], run.octaves - first
-        np.add.at(squares, at, np.add.reduceat(c**2, run.edges[:-1]))
-        np.add.at(fourths, at, np.add.reduceat(c**4, run.edges[:-1]))
-        np.add.at(sizes, at, run.sizes)
+        c, begin, at = run.base_error[:, 0], run.edges[run.levelled : -1], run.octaves[run.levelled :] - first
+        np.add.at(squares, at, np.add.reduceat(c**2, begin))
+        np.add.at(fourths, at, np.add.reduceat(c**4, begin))
+        np.add.at(sizes, at, run.sizes[run.levelled :])
     told = np.flatnonzero(fourths)
     if not len(told):
         return np.zeros(count)

@@ -55,7 +55,7 @@ class Forecast:
         return noise + base + missed, self._likelihood.expected.counted(run.octaves, run.sizes, noise, may_be_missed)
 
     def _tangents(self, run: BlockedRun, fit: Fit) -> Samples:
-        """Coefficients (n - 1, parameters): what one internal unit of each parameter does."""
+        """Coefficients (n, parameters): what one internal unit of each parameter does."""
         return run.coefficients(fresh_columns(run.modelled, fit.entries)[:, :-1])
 
 

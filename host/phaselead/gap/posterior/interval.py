@@ -10,10 +10,13 @@ from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from phaselead.gap.error_rates import INSIDE, TWO_SIDED_95
-from phaselead.gap.findings import Estimate
+from phaselead.gap.findings import Estimate, Posterior
 from phaselead.gap.parameters import AT_END, SizedEffect, from_internal, internal, is_logarithmic, parameters_of
 from phaselead.gap.posterior.likelihood import Likelihood
 from phaselead.record import Samples
+
+NUDGE = 1e-4
+"""In internal units, for slopes."""
 
 
 def intervals(
@@ -58,6 +61,21 @@ def _sizes_at_their_shapes(
         told = np.linalg.solve(covariance[np.ix_(shapes, shapes)], across)
         found.append((sizes, np.asarray(covariance[np.ix_(sizes, sizes)] - across.T @ told)))
     return found
+
+
+def posteriors(entries: Sequence[SizedEffect], covariance: Samples) -> list[Posterior]:
+    """Of each effect, from the covariance (parameters, parameters) in internal units about ``entries``, to first
+    order."""
+    of, at = parameters_of(entries), internal(entries)
+    ends = [[from_internal(p, float(x) + step) for step in (-NUDGE, NUDGE)] for (_, p), x in zip(of, at, strict=True)]
+    slopes = np.array([(high - low) / (2 * NUDGE) for low, high in ends])
+    whole, effect = covariance * np.outer(slopes, slopes), np.array([i for i, _ in of])
+    return [
+        Posterior(
+            {p.name: params[p.name] for j, p in of if j == i}, np.asarray(whole[np.ix_(effect == i, effect == i)])
+        )
+        for i, (_, params) in enumerate(entries)
+    ]
 
 
 def intervals_alone(likelihood: Likelihood, entries: Sequence[SizedEffect]) -> list[dict[str, Estimate]]:

@@ -23,7 +23,7 @@ from scipy.special import gammaln, logsumexp, softmax
 
 from phaselead.gap.parameters import SizedEffect, entries_at, internal, is_logarithmic, parameters_of
 from phaselead.gap.posterior.before import as_fault, fault_deviations
-from phaselead.gap.posterior.blocks import BlockedRun, Simulated
+from phaselead.gap.posterior.blocks import OF_LEVEL, BlockedRun, Simulated, about_their_sessions
 from phaselead.gap.posterior.expected import Expected
 from phaselead.gap.posterior.missed import (
     MOST_MISSED,
@@ -62,7 +62,7 @@ class Likelihood:
     runs: tuple[BlockedRun, ...]
     expected: Expected
     shared: tuple[Samples, ...]
-    """Per run the coefficients (n - 1, k) of what the base may miss in all records alike, one prior deviation each."""
+    """Per run the coefficients (n, k) of what the base may miss in all records alike, one prior deviation each."""
     known: tuple[SizedEffect, ...] = ()
     """Effects that explain much, by themselves or beside others: what may be taken for one another."""
 
@@ -118,7 +118,7 @@ class Likelihood:
             rivals = [rival for rival in self.known if confused(effect, rival[0])]
             alike = [(one, self._size_um([one], 0)) for one in (*rivals, *([entries[i]] if rivals else []))]
             seen = [(one, um) for one, um in alike if um > 0]
-            like_them = [self._like(run, seen) for run in self.runs]
+            like_them = self.about_their_sessions([self._like(run, seen) for run in self.runs])
             in_all = np.sqrt(sum(_squares(run, like) for run, like in zip(self.runs, like_them, strict=True)))
             if in_all > 0:
                 for j, like in enumerate(like_them):
@@ -127,21 +127,40 @@ class Likelihood:
 
     @staticmethod
     def _like(run: BlockedRun, alike: Sequence[tuple[SizedEffect, float]]) -> Samples:
-        """Coefficients (n - 1, k) of all that some effects may take, one prior deviation of a parameter each, for 1 um
+        """Coefficients (n, k) of all that some effects may take, one prior deviation of a parameter each, for 1 um
         of what each adds."""
         each = [run.simulated([e]).of_tangents(len(e[0].parameters)) * fault_deviations(e) / um for e, um in alike]
-        return np.concatenate([np.zeros((run.rows - 1, 0)), *each], axis=1)
+        return np.concatenate([np.zeros((run.edges[-1], 0)), *each], axis=1)
 
     def _size_um(self, entries: Sequence[SizedEffect], index: int) -> float:
         """Root of the squares, over all records, of what one effect adds to the others."""
-        return float(np.sqrt(sum(run.simulated(entries).power[index] @ run.sizes for run in self.runs)))
+        added = self._added_um2([run.simulated(entries) for run in self.runs])
+        return float(np.sqrt(added[index] @ self._sizes))
+
+    def about_their_sessions(self, coefficients: Sequence[Samples]) -> list[Samples]:
+        """Coefficients (n, k) of each run, the levels among them about their mean in each session."""
+        levels = about_their_sessions(self.runs, [of_run[0] for of_run in coefficients])
+        found = [of_run.copy() for of_run in coefficients]
+        for of_run, level in zip(found, levels, strict=True):
+            of_run[0] = level
+        return found
+
+    def _added_um2(self, found: Sequence[Simulated]) -> Samples:
+        """Power (entries, blocks) of what each effect adds to the others, spread over the octaves; of its levels that
+        about their mean in each session: the zero of a session is anywhere."""
+        pairs = zip(self.runs, found, strict=True)
+        added = np.concatenate([run.spread(one.power) for run, one in pairs], axis=1)
+        levels = about_their_sessions(self.runs, [one.level_um for one in found])
+        for run, level, block in zip(self.runs, levels, self._blocks, strict=False):
+            if run.levelled:
+                added[:, block] = level**2
+        return added
 
     def terms(self, entries: Sequence[SizedEffect], moving: Samples | None = None) -> Terms:
         """A set of effects at its parameters. ``moving`` (runs, b): 1 for what still goes on in a record of what had
         been done before, by default all."""
         found = [run.simulated(entries) for run in self.runs]
-        pairs = zip(self.runs, found, strict=True)
-        of_effects = np.concatenate([run.spread(one.power) for run, one in pairs], axis=1)
+        of_effects = self._added_um2(found)
         material = of_effects[is_of_material(entries)].sum(axis=0)
         prior = prior_of(entries)
         moments = self._moments(found)
@@ -167,7 +186,7 @@ class Likelihood:
         own: Samples = np.zeros(terms.moments.integrated.own.shape[:2])
         across = np.zeros((self._blocks[-1], self.among_shared.size))
         for run, shared, (a, b) in zip(self.runs, self.shared, pairwise(self._blocks), strict=True):
-            left = run.coefficients(run.modelled.error(entries)[:, None]) if run.changed else run.base_error
+            left = run.coefficients_left(run.modelled.error(entries)) if run.changed else run.base_error
             mine = np.concatenate([run.simulated(terms.entries).before, left], axis=1)
             own[a:b, own.shape[1] - mine.shape[1] :] = run.products(left, mine)[:, 0]
             across[a:b] = run.products(left, shared)[:, 0]
@@ -261,12 +280,14 @@ class Likelihood:
     def independent(self, terms: Terms, shares: Sequence[float], signal: Samples) -> Samples:
         """Share (s, blocks) of what a block says of the size of something with this power (blocks,) that other records
         do not say too. What the base and the equations miss is the stage's, and the same in every record: an octave
-        tells a size past it once, however many records there are."""
+        tells a size past it once, however many records there are. What all levels have in common is the zero of the
+        session: the rest is each record's own."""
         at = self.settled(terms, shares)
         variance = 1 / self.weights(at.power, at.variance)
         told = signal / variance
         of_octave = (told @ self._in_octave) ** 2 / np.maximum(told**2 @ self._in_octave, 1e-300)
         records = np.maximum(of_octave, 1.0) @ self._in_octave.T
+        records = np.where(self._octaves == OF_LEVEL, 1.0, records)
         noise = self.noise / self.counted_beside(np.zeros_like(self.noise))
         return np.asarray(variance / (noise + records * np.maximum(variance - noise, 0.0)))
 
@@ -387,7 +408,7 @@ class Likelihood:
 
 
 def _squares(run: BlockedRun, columns: Samples) -> float:
-    """Summed squares of columns (n - 1, k) over the blocks of a run, of all columns together."""
+    """Summed squares of columns (n, k) over the blocks of a run, of all columns together."""
     return float(run.sizes @ np.trace(run.products(columns, columns), axis1=1, axis2=2))
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phaselead.gap.parameters import SizedEffect, bounded
+from phaselead.gap.posterior.blocks import about_their_sessions
 from phaselead.gap.posterior.detectable import Shapes
 from phaselead.gap.posterior.likelihood import Likelihood
 from phaselead.gap.posterior.moments import Amounts
@@ -69,16 +70,25 @@ class Starts:
         runs = [run.modelled.run for run in self.likelihood.runs]
         longest_s = max(float(run.t_s[-1] - run.t_s[0]) for run in runs)
         groups = at_all_sizes(regressor_groups(self.effects, self.likelihood.step_s, longest_s))
-        return Shapes(groups, [self._of(run, groups) for run in range(len(self.likelihood.runs))])
+        return Shapes(groups, self._of(groups))
 
-    def _of(self, run: int, groups: Sequence[RegressorGroup]) -> NDArray[np.float32]:
-        blocks = self.likelihood.runs[run]
-        if not blocks.changed:
-            return np.zeros((blocks.edges[-1], sum(len(group.steps) for group in groups)), dtype=np.float32)
-        base_um = blocks.modelled.answer()
-        none = np.zeros((len(base_um), 0))
-        columns = np.concatenate([none, *(group.columns(blocks.modelled, base_um) for group in groups)], axis=1)
-        return blocks.coefficients(columns).astype(np.float32)
+    def _of(self, groups: Sequence[RegressorGroup]) -> list[NDArray[np.float32]]:
+        """Per run the coefficients (n, k) of every group, their levels about those of the session."""
+        runs, found, levels = self.likelihood.runs, [], []
+        for run in runs:
+            if not run.changed:
+                found.append(np.zeros((run.edges[-1], sum(len(group.steps) for group in groups)), dtype=np.float32))
+                levels.append(found[-1][0])
+                continue
+            base_um = run.modelled.answer()
+            none = np.zeros((len(base_um), 0))
+            columns = np.concatenate([none, *(group.columns(run.modelled, base_um) for group in groups)], axis=1)
+            coefficients = run.coefficients(columns)
+            found.append(coefficients.astype(np.float32))
+            levels.append(coefficients[0])
+        for of_run, level in zip(found, about_their_sessions(runs, levels), strict=True):
+            of_run[0] = level
+        return found
 
     def beside(self, fit: Fit) -> dict[str, list[Start]]:
         """The best different shapes of every effect that is not in a set, the effect that explains most first."""
@@ -110,7 +120,7 @@ class Starts:
         groups = [
             RegressorGroup(effect, {**shapes, frequency: f, damping: FLEXURE_ZETA}, typical_sizes(effect)) for f in near
         ]
-        return self._sized(fit, groups, [self._of(run, groups) for run in range(len(self.likelihood.runs))])
+        return self._sized(fit, groups, self._of(groups))
 
     def sizes(self, fit: Fit) -> list[SizedGroup]:
         """What the records say of the first size of every shape beside a set, simulated at its typical size, and where

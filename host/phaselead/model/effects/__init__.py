@@ -120,12 +120,17 @@ def effect_of_shares(shares_of_motion: Mapping[str, float]) -> Entry:
 
 
 def derived_sizes(
-    name: str, estimates: Mapping[str, tuple[Value, str, Interval | Sequence[Interval]]], scene: Scene
+    name: str,
+    estimates: Mapping[str, tuple[Value, str, Interval | Sequence[Interval]]],
+    scene: Scene,
+    correlation: Samples | None = None,
 ) -> dict[str, tuple[float, str, Interval]]:
     """What an effect's ``estimates`` (value, unit and 95 % interval of each parameter) come to as a person means them:
-    value, unit and interval of each derived size, by name; empty where the effect has none, or is not known."""
+    value, unit and interval of each derived size, by name; empty where the effect has none, or is not known.
+    ``correlation`` (k, k) is of the parameters, in order; without it they are taken as independent."""
     e = _all().get(name)
     if e is None or not e.derived:
         return {}
     params = e.complete({p: value for p, (value, _, _) in estimates.items()})
-    return derived_estimates(e.derived, params, {p: interval for p, (_, _, interval) in estimates.items()}, scene)
+    ci95 = {p: interval for p, (_, _, interval) in estimates.items()}
+    return derived_estimates(e.derived, params, ci95, scene, correlation)
