@@ -96,8 +96,7 @@ def test_beyond_its_range_an_effect_is_taken_to_grow_from_its_end():
     size = group.effect.sizes[0]
     column = run.coefficients(run.modelled.columns["delay"][:, None] * group.steps[0] / size.typical)
     expected = _Expected.__new__(_Expected)
-    expected._shapes = Shapes([group], [column])
-    expected._likelihood = Made(runs=[run], about_their_sessions=list)
+    expected._shapes, expected._likelihood = Shapes([group], [column]), Made(runs=[run])
     end = size.high / group.steps[0]
     for times in (0.5 * end, end, 20 * end):
         np.testing.assert_allclose(expected._simulated(0, times)[0], column, rtol=1e-6)

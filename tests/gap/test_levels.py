@@ -17,10 +17,11 @@ from phaselead.gap.derived import derived_of
 from phaselead.gap.findings import NamedEffect, Posterior
 from phaselead.gap.posterior import likelihood_of
 from phaselead.gap.posterior.blocks import FEWEST_LEVELS, OF_LEVEL, blocked
+from phaselead.gap.posterior.expected import expected_of
 from phaselead.gap.records import axis_runs
 from phaselead.gap.residual import modelled_run
 from phaselead.identify import fit
-from phaselead.model import AxisModel, Scene, TimeView, catalogue
+from phaselead.model import AdoptedEffect, AxisModel, Scene, TimeView, catalogue
 
 DRIFT, LATE = catalogue()["thermal_drift"], catalogue()["delay"]
 TRUE_um_per_s = 0.01
@@ -36,22 +37,26 @@ def runs_of(role, idle=False, began_s=0.0, count=1, length_s=2.0):
     found = []
     for i in range(count):
         t_s = began_s + (i + 1) * length_s + 1e-3 * np.arange(1000)
-        run = Made(role=role, start=0, stop=1000, rows=slice(0, 1000), t_s=t_s, step_s=1e-3, idle=idle)
-        zeros = np.zeros(1000)
-        found.append(
-            Made(run=run, axis=LINE, nuisances=np.ones((1000, 1)), answer=lambda _=(): zeros, error=lambda _=(): zeros)
-        )
+        run = Made(
+            role=role, start=0, stop=1000, rows=slice(0, 1000), t_s=t_s, step_s=1e-3, driven=not idle, idle=idle,
+            span_s=(t_s[0], t_s[-1]),
+        )  # fmt: skip
+        found.append(Made(run=run, axis=LINE, nuisances=np.ones((1000, 1)), answer=_nothing, error=_nothing))
     return found
+
+
+def _nothing(entries=()):
+    return np.zeros(1000)
 
 
 @given(st.integers(0, 5), st.booleans())
 def test_levels_count_where_references_tell_their_scatter_and_no_two_records_are_of_one_time(count, at_one_time):
     references = runs_of("reference", count=count)
-    later = runs_of("train", count=3, began_s=2.0 if at_one_time else 100.0)
+    later = [*runs_of("train", count=3, began_s=100.0), *runs_of("train", began_s=100.0 if at_one_time else 150.0)]
     rest = runs_of("holdout", idle=True, began_s=200.0)
     count_levels = count >= FEWEST_LEVELS and not at_one_time
     for run in blocked([*references, *later, *rest]):
-        levelled = count_levels and not run.modelled.run.idle
+        levelled = count_levels and run.modelled.run.driven
         assert run.levelled == levelled
         assert (run.octaves == OF_LEVEL).tolist() == [levelled and i == 0 for i in range(len(run.octaves))]
         assert len(run.coefficients(np.zeros((1000, 1)))) == run.sizes.sum() == run.edges[-1]
@@ -71,9 +76,9 @@ def test_a_level_is_the_mean_and_changes_no_octave(offset_um, seed):
 
 
 @cache
-def recorded(ramp_um_per_s=0.0, gone_s=0.0, zero_um=0.0, at_one_time=False):
+def recorded(ramp_um_per_s=0.0, gone_s=0.0, zero_um=0.0, clock_s=0.0, at_one_time=False):
     """Runs of three sessions of which the later two drift; ``gone_s`` before the held-out one, whose zero was moved by
-    ``zero_um``; ``at_one_time``: each record begins at 0 s."""
+    ``zero_um``; ``clock_s`` later by the clock; ``at_one_time``: each record begins at 0 s."""
     reference, train, holdout = sessions(delay_s=0.0, seconds=1.0)
     began_s = max(record.t_s[-1] for record in reference)
     train, holdout = (drifting(records, ramp_um_per_s, began_s) for records in (train, holdout))
@@ -81,10 +86,10 @@ def recorded(ramp_um_per_s=0.0, gone_s=0.0, zero_um=0.0, at_one_time=False):
     holdout = [
         replace(r, axes={name: replace(one, x_um=one.x_um + zero_um) for name, one in r.axes.items()}) for r in holdout
     ]
-    if at_one_time:
-        reference, train, holdout = (
-            [replace(r, t_s=r.t_s - r.t_s[0]) for r in part] for part in (reference, train, holdout)
-        )
+    reference, train, holdout = (
+        [replace(r, t_s=r.t_s + (-r.t_s[0] if at_one_time else clock_s)) for r in part]
+        for part in (reference, train, holdout)
+    )
     stage = fit(reference)[0]
     return [modelled_run(stage.axes["x"], run) for run in axis_runs(stage, train, holdout, reference)["x"]]
 
@@ -102,31 +107,74 @@ def test_where_records_stand_tells_a_drift_that_hardly_shows_within_them():
     assert odds(recorded(), [drift(TRUE_um_per_s)]) < 0
 
 
-@pytest.mark.parametrize("zero_um", [3.0, -40.0])
-def test_the_zero_of_a_session_says_nothing(zero_um):
-    as_it_was, moved = (odds(recorded(TRUE_um_per_s, zero_um=um), [drift(TRUE_um_per_s)]) for um in (0.0, zero_um))
-    assert moved == pytest.approx(as_it_was, abs=0.1)
+@pytest.mark.parametrize(
+    "elsewhere", [{"zero_um": 3.0}, {"zero_um": -1e4}, {"gone_s": 86400.0}, {"gone_s": 3e6}, {"clock_s": 1.7e9}]
+)
+def test_where_the_zero_of_a_session_was_set_and_what_the_clock_said_changes_nothing(elsewhere):
+    as_it_was, moved = (odds(recorded(TRUE_um_per_s, **more), [drift(TRUE_um_per_s)]) for more in ({}, elsewhere))
+    assert moved == pytest.approx(as_it_was, abs=1.0)
 
 
-def test_days_between_sessions_say_nothing_of_a_drift_whose_zero_was_set_again():
-    """A day at that rate would be 860 um."""
-    likelihood = likelihood_of(recorded(TRUE_um_per_s, gone_s=86400.0))
-    entries = likelihood.fit([drift(TRUE_um_per_s)], steps=20).entries
-    slope = entries[0][1]["ramp_um_per_s"]
-    assert slope == pytest.approx(TRUE_um_per_s, rel=0.5)
+def test_a_session_of_one_record_says_nothing_of_where_records_stand():
+    runs = [run for run in recorded(TRUE_um_per_s) if run.run.role == "reference"]
+    runs += [next(run for run in recorded(TRUE_um_per_s) if run.run.role == "train" and run.run.driven)]
+    assert odds(runs, [drift(TRUE_um_per_s)]) < 1
 
 
-def test_another_effect_is_judged_about_each_records_own_mean():
-    """Levels are counted for what moves the zero alone: a shift of one record changes nothing that is adopted."""
+def test_a_record_at_rest_more_adds_nothing_to_levels():
+    likelihood = likelihood_of(recorded(TRUE_um_per_s))
+    fewer = likelihood_of([run for run in recorded(TRUE_um_per_s) if run.run.driven])
+    signals = [one.terms([drift(TRUE_um_per_s)]).signal[_levels(one)] for one in (likelihood, fewer)]
+    np.testing.assert_allclose(*signals)
+    assert 0 < signals[0].max() < (0.5 * TRUE_um_per_s * 60) ** 2
+
+
+def _levels(likelihood):
+    return np.concatenate([run.octaves == OF_LEVEL for run in likelihood.runs])
+
+
+@pytest.mark.parametrize("off_um", [0.05, 0.5])
+def test_one_record_that_stands_elsewhere_is_no_drift(off_um):
+    """Its plays stood elsewhere before, say."""
+    found = recorded()
+    runs = [_standing_off(run, off_um) if run is found[1] else run for run in found]
+    likelihood = likelihood_of(runs)
+    fit_of = {0: likelihood.fit(()), 1: likelihood.fit([drift(TRUE_um_per_s)], steps=20)}
+    assert fit_of[1].log_evidence - fit_of[0].log_evidence < 4
+
+
+def _standing_off(modelled, off_um):
+    return replace(modelled, run=replace(modelled.run, x_um=modelled.run.x_um + off_um))
+
+
+def test_what_a_creeping_base_may_still_carry_makes_its_levels_say_less():
+    creeping = AdoptedEffect(name="creep", params={"gamma": 0.01, "tau_first_s": 0.1, "tau_last_s": 100.0})
+    runs = [*runs_of("reference", count=4), *runs_of("train", count=3, began_s=100.0)]
+    known = {}
+    for creeps, of in ((False, runs), (True, [_under(run, creeping) for run in runs])):
+        found = blocked(of)
+        expected = expected_of(found)
+        known[creeps] = [sum(expected.of(run, run.motion)[i][0] for i in (0, 1)) for run in found]
+    assert min(known[True]) > 100 * max(known[False])
+
+
+def _under(modelled, effect):
+    return Made(**{**vars(modelled), "axis": LINE.model_copy(update={"effects": (effect,)})})
+
+
+def test_another_effect_is_adopted_about_each_records_own_mean():
     runs = [run for run in recorded() if run.run.role == "train"]
-    late = [(LATE, {"delay_s": 1e-4})]
-    adopted = [best_predicting(late, 0.01 * np.eye(1), runs, levelled) for levelled in (False, True)]
-    assert adopted[0] == adopted[1]
+    shifted = [_standing_off(run, 5.0 * i) for i, run in enumerate(runs)]
+    late, levelled = [(LATE, {"delay_s": 1e-4})], [run.run.driven for run in runs]
+    adopted = [best_predicting(late, 0.01 * np.eye(1), of, levelled) for of in (runs, shifted)]
+    assert adopted[0][0][1]["delay_s"] == pytest.approx(adopted[1][0][1]["delay_s"], rel=1e-6)
 
 
 def test_what_predicts_best_follows_where_the_records_stand():
     runs = [run for run in recorded(TRUE_um_per_s) if run.run.role == "train"]
-    ((_, params),) = best_predicting([drift(0.2 * TRUE_um_per_s)], 100.0 * np.eye(3), runs, levelled=True)
+    ((_, params),) = best_predicting(
+        [drift(0.2 * TRUE_um_per_s)], 100.0 * np.eye(3), runs, [r.run.driven for r in runs]
+    )
     spans_s = tuple((float(run.run.t_s[0]), float(run.run.t_s[-1])) for run in runs)
     nm_per_min = DRIFT.derived[0].value(params, Scene(LINE, spans_s))
     assert nm_per_min == pytest.approx(60e3 * TRUE_um_per_s, rel=0.2)

@@ -26,7 +26,10 @@ def record(x_um, motion_um=None, role="train", plays=None, idle=False, start=0, 
     motion = np.zeros(n) if motion_um is None else motion_um
     plays = np.zeros((n, 0)) if plays is None else plays
     t_s = STEP_S * np.arange(start + n)
-    run = Made(role=role, start=start, stop=start + n, rows=slice(start, start + n), t_s=t_s, step_s=STEP_S, idle=idle)
+    run = Made(
+        role=role, start=start, stop=start + n, rows=slice(start, start + n), t_s=t_s, step_s=STEP_S, idle=idle,
+        driven=not idle, span_s=(0.0, t_s[-1]),
+    )  # fmt: skip
     nuisances = np.concatenate([np.ones((n, 1)), plays], axis=1)
     return Made(
         run=run, axis=axis, nuisances=nuisances, answer=lambda extra=(): motion, error=lambda extra=(): x_um - motion

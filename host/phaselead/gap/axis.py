@@ -153,7 +153,7 @@ def search_axis(
         next_experiment=_proposal(vouched.selection),
         candidates=list(vouched.selection.candidates),
         traces=final.traces(),
-        spans_s=[(float(run.t_s[0]), float(run.t_s[-1])) for run in runs if run.role != "reference"],
+        spans_s=[run.span_s for run in runs if run.role != "reference"],
         spectra=other.spectra,
         messages=[
             *vouched.messages,

@@ -54,6 +54,12 @@ class GapRun:
         return slice(self.start, self.stop)
 
     @property
+    def span_s(self) -> tuple[float, float]:
+        """Times of the first and the last of these."""
+        t_s = self.t_s[self.rows]
+        return float(t_s[0]), float(t_s[-1])
+
+    @property
     def name(self) -> str:
         """Of the file, for a person."""
         return PurePath(self.source).name or "recording"

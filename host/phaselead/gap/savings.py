@@ -10,7 +10,6 @@ from scipy.stats import t as t_distribution
 from phaselead.gap.parameters import SizedEffect
 from phaselead.gap.residual import ModelledRun
 from phaselead.gap.time_blocks import block_edges, wanted_rows
-from phaselead.gap.zero import about_their_zero
 from phaselead.record import Samples
 
 
@@ -19,16 +18,15 @@ def saved_by_block(
     before_with: Sequence[SizedEffect],
     after: Sequence[ModelledRun],
     after_with: Sequence[SizedEffect],
-    together: Sequence[bool] | None = None,
 ) -> Samples:
     """Squares in um^2 (blocks,) that the runs under a model with some effects save of the same under another, each
-    about its own mean, and those that stand ``together`` about the mean of all these."""
+    about its own mean."""
     edges = block_edges(
         [t.run.stop - t.run.start for t in before], max(wanted_rows(t.run.step_s, t.period_rows) for t in before)
     )
-    standing = together or [False] * len(before)
-    was, now = _squares(before, before_with, standing), _squares(after, after_with, standing)
-    return np.concatenate([np.add.reduceat(a - b, e[:-1]) for a, b, e in zip(was, now, edges, strict=True)])
+    pairs = zip(before, after, edges, strict=True)
+    parts = [np.add.reduceat(_squares(a, before_with) - _squares(b, after_with), e[:-1]) for a, b, e in pairs]
+    return np.concatenate(parts)
 
 
 def probability_by_chance(saved: Samples) -> float:
@@ -39,6 +37,7 @@ def probability_by_chance(saved: Samples) -> float:
     return float(t_distribution.sf(float(saved.mean()) / spread * np.sqrt(len(saved)), len(saved) - 1))
 
 
-def _squares(runs: Sequence[ModelledRun], entries: Sequence[SizedEffect], together: Sequence[bool]) -> list[Samples]:
-    """Squares (n,) in um^2 of what the effects leave of each run."""
-    return [error**2 for error in about_their_zero([run.error(entries) for run in runs], together)]
+def _squares(modelled: ModelledRun, entries: Sequence[SizedEffect]) -> Samples:
+    """Squares (n,) in um^2 of what the effects leave of a run, about its mean."""
+    error = modelled.error(entries)
+    return np.asarray((error - error.mean()) ** 2)

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
+import numpy as np
+
 from phaselead.gap.base_operator import find_memory
 from phaselead.gap.best_prediction import best_predicting
 from phaselead.gap.error_rates import ERROR_RATE
@@ -27,7 +29,6 @@ from phaselead.gap.records import GapRun
 from phaselead.gap.residual import ModelledRun, modelled_run
 from phaselead.gap.savings import probability_by_chance, saved_by_block
 from phaselead.gap.selection import Selection, with_a_name
-from phaselead.gap.zero import standing_together
 from phaselead.model import AxisModel, Effect
 
 SHOWN_SETS = 12
@@ -103,20 +104,18 @@ def _estimated(contest: Contest, judgement: Judgement, open_plays: bool) -> tupl
     """
     claims = judgement.claims
     everything, learned = contest.likelihood, contest.likelihood.without_held_out()
-    train, held = (
-        [run.modelled for run in everything.runs if run.modelled.run.role == role] for role in ("train", "holdout")
-    )
-
-    levelled = any(run.levelled for run in everything.runs)
+    train = [run for run in everything.runs if run.modelled.run.role == "train"]
+    held = [run.modelled for run in everything.runs if run.modelled.run.role == "holdout"]
+    levelled = [run.levelled for run in train]
 
     def best_of(fit: Fit) -> tuple[SizedEffect, ...]:
-        return best_predicting(fit.entries, fit.covariance, train, levelled)
+        return best_predicting(fit.entries, fit.covariance, [run.modelled for run in train], levelled)
 
     while claims:
         entries = tuple(
             entry for entry in judgement.best.entries if entry[0].name in {claim.effect.name for claim in claims}
         )
-        kept = claims if open_plays else _that_pay(held, best_of(everything.fit(entries)), claims, levelled)
+        kept = claims if open_plays else _that_pay(held, best_of(everything.fit(entries)), claims, any(levelled))
         if len(kept) == len(claims):
             fit = learned.fit(entries)
             adopted = best_of(fit)
@@ -138,15 +137,18 @@ def _estimated(contest: Contest, judgement: Judgement, open_plays: bool) -> tupl
 def _that_pay(
     held: Sequence[ModelledRun], entries: Sequence[SizedEffect], claims: Sequence[Claim], levelled: bool
 ) -> tuple[Claim, ...]:
-    """The claims without which the held-out records are not predicted better, in um, than with them, nor are their
-    levels, where these say something (``levelled``)."""
+    """The claims without which the held-out records are not predicted better, in um, than with them. Where levels say
+    something (``levelled``), of what moves the zero these are asked too, by the odds."""
     kept = list(claims)
     for claim in claims:
         names = {one.effect.name for one in kept}
         tried = [entry for entry in entries if entry[0].name in names]
         without = [entry for entry in tried if entry[0].name != claim.effect.name]
-        together = standing_together(tried, held, levelled)
-        if probability_by_chance(saved_by_block(held, tried, held, without, together)) < ERROR_RATE:
+        if levelled and claim.effect.moves_zero is not None:
+            worse = claim.held_out_log_odds < np.log(ERROR_RATE)
+        else:
+            worse = probability_by_chance(saved_by_block(held, tried, held, without)) < ERROR_RATE
+        if worse:
             kept.remove(claim)
     return tuple(kept)
 

@@ -2,8 +2,8 @@
 
 A record becomes its cosine coefficients, which have no jump at its ends, and these are gathered by octave. Within an
 octave only the mean power counts, so that nothing is asked of the shape of what a model misses, only how large it is.
-In front of the octaves stands the record's level, the mean of all its rows: by itself it says nothing, since the zero
-of a session is anywhere, but from record to record it says how the zero moves.
+In front of the octaves stands the record's level, the mean of the rows that count: by itself it says nothing, since the
+zero of a session is anywhere, but from record to record it says how the zero moves.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from scipy.fft import dct, next_fast_len
 
 from phaselead.gap.parameters import SizedEffect, fresh_columns, parameters_of
 from phaselead.gap.posterior.before import before_record
-from phaselead.gap.records import GapRun, Role
+from phaselead.gap.records import GapRun
 from phaselead.gap.residual import ModelledRun, base_entries
 from phaselead.record import Samples
 
@@ -51,9 +51,9 @@ class Simulated:
     tangents: int
     """p, of a reference record 0."""
     power: Samples
-    """(entries, blocks) mean power of what each effect adds to the others."""
-    level_um: Samples
-    """(entries,) mean of the same."""
+    """(entries, blocks) mean power of what each effect adds to the others, of levels not about those of the session."""
+    first: Samples
+    """(entries,) first coefficient of the same, the level if that is one."""
     of_effects: tuple[int, ...]
     """(b,) The entry that had done each of the b things before."""
 
@@ -74,8 +74,8 @@ class BlockedRun:
     modelled: ModelledRun
     usual_um: float
     """Deviation of what the base leaves: how surely a record tells where its plays stood."""
-    zero_um: float | None = None
-    """About which the levels of its session are given; None where its level says nothing."""
+    levelled: bool = False
+    """Whether its level says something: then it is the first block."""
     _known: dict[tuple[object, ...], Simulated] = field(default_factory=dict, compare=False)
     """What was simulated last, by effects and parameters."""
 
@@ -95,16 +95,19 @@ class BlockedRun:
         return next(n for n in range(most, 0, -1) if next_fast_len(n) == n)
 
     @property
-    def levelled(self) -> bool:
-        """Whether its first block is its level."""
-        return self.zero_um is not None
+    def first_octave(self) -> int:
+        """The block behind the level, if that is one."""
+        return 1 if self.levelled else 0
+
+    @cached_property
+    def _octave_edges(self) -> Counts:
+        """Frequencies, in half periods of the record, at which the octaves begin, and the number of rows."""
+        return np.array([*(2**i for i in range(int(np.log2(self.rows - 1)) + 1)), self.rows], dtype=np.intp)
 
     @cached_property
     def edges(self) -> Counts:
         """Coefficients at which the blocks begin, and their number."""
-        n = self.rows
-        of_octaves = np.array([*(2**i for i in range(int(np.log2(n - 1)) + 1)), n], dtype=np.intp)
-        return np.array([0, *of_octaves]) if self.levelled else of_octaves - 1
+        return np.array([0, *self._octave_edges]) if self.levelled else self._octave_edges - 1
 
     @cached_property
     def sizes(self) -> Counts:
@@ -114,9 +117,9 @@ class BlockedRun:
     @cached_property
     def octaves(self) -> Counts:
         """Octave (blocks,) above 1 Hz of each block, a whole number, or ``OF_LEVEL``."""
-        at = self.edges + (0 if self.levelled else 1)
-        middle_Hz = (at[:-1] + at[1:] - 1)[self.levelled :] / (4 * self.rows * self.modelled.run.step_s)
-        return np.array([*[OF_LEVEL] * self.levelled, *np.round(np.log2(middle_Hz))], dtype=np.intp)
+        edges = self._octave_edges
+        middle_Hz = (edges[:-1] + edges[1:] - 1) / (4 * self.rows * self.modelled.run.step_s)
+        return np.array([*[OF_LEVEL] * self.first_octave, *np.round(np.log2(middle_Hz))], dtype=np.intp)
 
     def coefficients(self, columns: Samples) -> Samples:
         """Cosine coefficients of columns (n + skipped, k) in um over the scored rows, without the record's own offset,
@@ -135,18 +138,26 @@ class BlockedRun:
         found[:, :1] = level
         return np.asarray(found.T)
 
-    def coefficients_left(self, error_um: Samples) -> Samples:
-        """The same (coefficients, 1) of a residual (n + skipped,) in um, its level about the zero of the session."""
-        return self.coefficients((error_um - (self.zero_um or 0.0))[:, None])
-
     @cached_property
     def _started(self) -> tuple[Samples, Samples]:
         """Columns (n, k) of where the base may have stood when the record began, and (k, k) to project them out."""
-        before = before_record(self.modelled, base_entries(self.modelled.axis))
-        columns = np.concatenate([self.modelled.nuisances[:, 1:], *before], axis=1)[self.skipped :]
+        columns = np.concatenate([self.modelled.nuisances[self.skipped :, 1:], self._carried], axis=1)
         columns = columns - columns.mean(axis=0)
         normal = columns.T @ columns + self.usual_um**2 * np.eye(columns.shape[1])
         return columns, np.linalg.inv(normal)
+
+    @cached_property
+    def _carried(self) -> Samples:
+        """Columns (n, k) in um of what the base's own lags and modes may still carry from before the record, one
+        deviation each."""
+        before = before_record(self.modelled, base_entries(self.modelled.axis))
+        none = np.zeros((self.rows, 0))
+        return np.concatenate([none, *(one[self.skipped :] for one in before)], axis=1)
+
+    @property
+    def level_carried_um2(self) -> float:
+        """Variance of the level by that."""
+        return float(np.sum(self._carried.mean(axis=0) ** 2))
 
     def products(self, left: Samples, right: Samples) -> Samples:
         """Mean products (blocks, k, q) within each block of coefficients (n, k) and (n, q)."""
@@ -172,7 +183,7 @@ class BlockedRun:
     @cached_property
     def base_error(self) -> Samples:
         """Coefficients (n, 1) of what the base leaves."""
-        return self.coefficients_left(self.modelled.error())
+        return self.coefficients(self.modelled.error()[:, None])
 
     @cached_property
     def base_left_um2(self) -> Samples:
@@ -197,13 +208,11 @@ class BlockedRun:
         added = [answer - self.modelled.answer([*entries[:i], *entries[i + 1 :]]) for i in range(e)]
         fresh = fresh_columns(self.modelled, entries)
         before = before_record(self.modelled, entries)
-        left = fresh.T[-1:] - (self.zero_um or 0.0)
-        each = [np.array(added).reshape(e, len(answer)), fresh.T[:-1], *(one.T for one in before), left]
+        each = [np.array(added).reshape(e, len(answer)), fresh.T[:-1], *(one.T for one in before), fresh.T[-1:]]
         columns = self.coefficients(np.concatenate(each).T)
         squares = np.add.reduceat(columns[:, :e] ** 2, self.edges[:-1], axis=0).T
         of = tuple(i for i, part in enumerate(before) for _ in range(part.shape[1]))
-        level_um = columns[0, :e].copy() if self.levelled else np.zeros(e)
-        return Simulated(columns[:, e:].copy(order="K"), p, squares / self.sizes, level_um, of)
+        return Simulated(columns[:, e:].copy(order="K"), p, squares / self.sizes, columns[0, :e].copy(), of)
 
     def power(self, column: Samples) -> Samples:
         """Mean power (blocks,) in um^2 of a column (n + skipped,) in um."""
@@ -219,32 +228,49 @@ class BlockedRun:
 
 
 def blocked(runs: Sequence[ModelledRun]) -> list[BlockedRun]:
-    """The runs in octaves, and the levels of driven ones where reference records tell how these scatter and each record
-    has a time of its own. At rest a stage stands where its plays stood, which nobody knows."""
+    """The runs in octaves, behind their levels where these say something: of driven ones, since at rest a stage stands
+    where its plays stood, which nobody knows; where reference records tell how they scatter; and where the records of
+    every session came one after the other."""
     references = [m for m in runs if m.run.role == "reference"]
-    usual_um = float(np.sqrt(np.mean([np.var(m.error()) for m in references or runs])))
-    usual_um = max(usual_um, 1e-12)
-    driven = [m for m in runs if not m.run.idle]
-    tell = sum(m.run.role == "reference" for m in driven) >= FEWEST_LEVELS and _one_after_another([m.run for m in runs])
-    means: dict[Role, list[float]] = {}
-    for m in driven if tell else ():
-        means.setdefault(m.run.role, []).append(float(m.error().mean()))
-    zeros_um = {role: float(np.mean(of_role)) for role, of_role in means.items()}
-    return [BlockedRun(m, usual_um, None if m.run.idle else zeros_um.get(m.run.role)) for m in runs]
+    usual_um = max(float(np.sqrt(np.mean([np.var(m.error()) for m in references or runs]))), 1e-12)
+    sessions = {role: [m.run for m in runs if m.run.role == role] for role in {m.run.role for m in runs}}
+    told = sum(m.run.driven for m in references) >= FEWEST_LEVELS
+    say = told and all(_one_after_another(of_role) for of_role in sessions.values())
+    return [BlockedRun(m, usual_um, say and m.run.driven) for m in runs]
 
 
 def _one_after_another(runs: Sequence[GapRun]) -> bool:
     """Whether no two records were taken at the same time: where each begins at 0 s, nobody knows which came first."""
-    spans_s = sorted((float(run.t_s[0]), float(run.t_s[-1])) for run in runs)
+    spans_s = sorted(run.span_s for run in runs)
     return all(end_s <= begin_s for (_, end_s), (begin_s, _) in pairwise(spans_s))
 
 
-def about_their_sessions(runs: Sequence[BlockedRun], levels: Sequence[Samples]) -> list[Samples]:
-    """Levels (k,) of columns in each run about their mean over the runs of the same session; those of runs that have
-    none as they are."""
-    sessions = {run.modelled.run.role for run in runs if run.levelled}
-    pairs = list(zip(runs, levels, strict=True))
-    means = {
-        role: np.mean([level for run, level in pairs if run.modelled.run.role == role], axis=0) for role in sessions
-    }
-    return [level - means[run.modelled.run.role] if run.levelled else level for run, level in pairs]
+def about_their_sessions(runs: Sequence[BlockedRun], coefficients: Sequence[Samples]) -> list[Samples]:
+    """First coefficients (k,) of columns in each run, those that are levels about their mean in each session: what a
+    clock says and where a zero was set are no part of them."""
+    sessions = [run.modelled.run.role if run.levelled else None for run in runs]
+    pairs = list(zip(sessions, coefficients, strict=True))
+    means = {of: np.mean([one for session, one in pairs if session == of], axis=0) for of in {*sessions} - {None}}
+    return [one - means[session] if session else one for session, one in pairs]
+
+
+def with_levels_about_their_sessions(runs: Sequence[BlockedRun], coefficients: Sequence[Samples]) -> list[Samples]:
+    """All coefficients (n, k) of columns in each run, the levels among them about their mean in each session."""
+    firsts = about_their_sessions(runs, [of_run[0] for of_run in coefficients])
+    pairs = zip(coefficients, firsts, strict=True)
+    return [np.concatenate([first[None], of_run[1:]]) for of_run, first in pairs]
+
+
+def zeros_of_sessions(runs: Sequence[BlockedRun]) -> list[Samples]:
+    """Per run the coefficients (n, sessions) of a zero of each session that is not the mean of its levels, one
+    deviation each: as far as the base leaves any of these from that mean."""
+    sessions = sorted({run.modelled.run.role for run in runs if run.levelled})
+    levels = about_their_sessions(runs, [run.base_error[0] for run in runs])
+    farthest_um = max((abs(float(one[0])) for run, one in zip(runs, levels, strict=True) if run.levelled), default=0.0)
+    found = []
+    for run in runs:
+        zeros = np.zeros((run.edges[-1], len(sessions)))
+        if run.levelled:
+            zeros[0, sessions.index(run.modelled.run.role)] = farthest_um
+        found.append(zeros)
+    return found

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from phaselead.gap.error_rates import SURE
 from phaselead.gap.parameters import SizedEffect, bounded
-from phaselead.gap.posterior.blocks import BlockedRun
+from phaselead.gap.posterior.blocks import BlockedRun, with_levels_about_their_sessions
 from phaselead.gap.posterior.likelihood import Likelihood
 from phaselead.gap.posterior.missed import SHARES, is_of_material, may_be_missed_um2, missed_um2
 from phaselead.gap.posterior.priors import LARGEST, prior_of
@@ -125,9 +125,8 @@ class _Expected:
         runs = zip(self._likelihood.runs, typical, strict=True)
         effect, params = entry = self._entry(index, times)
         simulated = params[effect.sizes[0].name] / self._shapes.groups[index].steps[0]
-        return self._likelihood.about_their_sessions(
-            [_added(run, entry) / simulated if run.changed and simulated else column for run, column in runs]
-        )
+        found = [_added(run, entry) / simulated if run.changed and simulated else column for run, column in runs]
+        return with_levels_about_their_sessions(self._likelihood.runs, found)
 
     @cached_property
     def _first(self) -> Callable[[int], Coefficients]:
@@ -140,7 +139,7 @@ class _Expected:
         entry, found = self._entry(self._index, 1.0), []
         for run, column in zip(self._likelihood.runs, self._first(self._index), strict=True):
             found.append(column if run.changed else _added(run, entry))
-        return found
+        return with_levels_about_their_sessions(self._likelihood.runs, found)
 
     def _alone(self, log_odds: float, times: float) -> float:
         """The multiple from which it is told from nothing and from a fault of the base in all records, as far as it

@@ -56,11 +56,11 @@ class Expected:
         """Noise and misfit (blocks,) in um^2 per coefficient of a run whose base has this power (blocks,), and how many
         coefficients tell their sum: degrees of freedom of Student's t (Welch 1947)."""
         at = self._at(run.octaves)
-        at[: run.levelled] = at[1]
+        at[: run.first_octave] = at[1]
         noise, base = self.noise_um2[at], self.share[at] * motion
         told = (noise + base) ** 2 / (noise**2 / self.noise_told[at] + base**2 / self.share_told[at])
         if run.levelled:
-            noise[0] /= run.rows
+            noise[0] = noise[0] / run.rows + run.level_carried_um2
             base[0] += self.scatter_um2
             told[0] = self.scatter_told
         return noise, base, told
@@ -80,20 +80,18 @@ class Expected:
 
 def expected_of(runs: Sequence[BlockedRun]) -> Expected:
     """From the reference records among the runs, or without them from a prior."""
-    first = min(int(run.octaves[run.levelled :].min()) for run in runs)
+    first = min(int(run.octaves[run.first_octave :].min()) for run in runs)
     count = max(int(run.octaves.max()) for run in runs) - first + 1
     references = [i for i, run in enumerate(runs) if run.modelled.run.role == "reference"]
     told_by = references or list(range(len(runs)))
     left = {i: runs[i].base_left_um2 for i in told_by}
     idle = [i for i in told_by if runs[i].modelled.run.idle]
-    rows = [
-        (runs[i].octaves - first, left[i], runs[i].motion, np.full(len(left[i]), i in idle), runs[i].sizes)
-        for i in told_by
-    ]
-    octave, power, motion, at_rest, sizes = (
-        np.concatenate([part[runs[i].levelled :] for i, part in zip(told_by, parts, strict=True)])
-        for parts in zip(*rows, strict=True)
-    )
+    rows = []
+    for i in told_by:
+        run, rest = runs[i], np.full(len(left[i]), i in idle)
+        parts = (run.octaves - first, left[i], run.motion, rest, run.sizes)
+        rows.append([part[run.first_octave :] for part in parts])
+    octave, power, motion, at_rest, sizes = (np.concatenate(parts) for parts in zip(*rows, strict=True))
     levels = _scatter([runs[i] for i in references])
     noise, noise_told = _noise(octave, power, at_rest, sizes, count)
     noise_spread = _noise_spread([runs[i] for i in idle], first, count)
@@ -151,10 +149,10 @@ def _noise_spread(at_rest: Sequence[BlockedRun], first: int, count: int) -> Samp
     participation ratio of their squares, which makes 1 where they are normal and alike."""
     squares, fourths, sizes = np.zeros(count), np.zeros(count), np.zeros(count)
     for run in at_rest:
-        c, begin, at = run.base_error[:, 0], run.edges[run.levelled : -1], run.octaves[run.levelled :] - first
-        np.add.at(squares, at, np.add.reduceat(c**2, begin))
-        np.add.at(fourths, at, np.add.reduceat(c**4, begin))
-        np.add.at(sizes, at, run.sizes[run.levelled :])
+        c, at = run.base_error[:, 0], run.octaves - first
+        np.add.at(squares, at, np.add.reduceat(c**2, run.edges[:-1]))
+        np.add.at(fourths, at, np.add.reduceat(c**4, run.edges[:-1]))
+        np.add.at(sizes, at, run.sizes)
     told = np.flatnonzero(fourths)
     if not len(told):
         return np.zeros(count)

@@ -23,7 +23,13 @@ from scipy.special import gammaln, logsumexp, softmax
 
 from phaselead.gap.parameters import SizedEffect, entries_at, internal, is_logarithmic, parameters_of
 from phaselead.gap.posterior.before import as_fault, fault_deviations
-from phaselead.gap.posterior.blocks import OF_LEVEL, BlockedRun, Simulated, about_their_sessions
+from phaselead.gap.posterior.blocks import (
+    OF_LEVEL,
+    BlockedRun,
+    Simulated,
+    about_their_sessions,
+    with_levels_about_their_sessions,
+)
 from phaselead.gap.posterior.expected import Expected
 from phaselead.gap.posterior.missed import (
     MOST_MISSED,
@@ -73,6 +79,7 @@ class Likelihood:
         self.fitted = ~np.concatenate(held)
         self.changed = np.concatenate([np.full(len(run.sizes), run.changed) for run in self.runs])
         self._octaves = np.concatenate([run.octaves for run in self.runs])
+        self._is_level = self._octaves == OF_LEVEL
         self._in_octave = (self._octaves[:, None] == np.unique(self._octaves)).astype(float)
         pairs = zip(self.runs, self.shared, strict=True)
         # Of the shared columns with each other, which all sets have in common.
@@ -99,7 +106,9 @@ class Likelihood:
         known = (*self.known, *effects)
         if all(run.changed for run in self.runs):
             return replace(self, known=known)
-        faults = [run.coefficients(as_fault(run.modelled, effects)) for run in self.runs]
+        faults = with_levels_about_their_sessions(
+            self.runs, [run.coefficients(as_fault(run.modelled, effects)) for run in self.runs]
+        )
         pairs = zip(self.shared, faults, strict=True)
         shared = tuple(np.concatenate(pair, axis=1) for pair in pairs)
         return replace(self, shared=shared, known=known)
@@ -118,7 +127,7 @@ class Likelihood:
             rivals = [rival for rival in self.known if confused(effect, rival[0])]
             alike = [(one, self._size_um([one], 0)) for one in (*rivals, *([entries[i]] if rivals else []))]
             seen = [(one, um) for one, um in alike if um > 0]
-            like_them = self.about_their_sessions([self._like(run, seen) for run in self.runs])
+            like_them = with_levels_about_their_sessions(self.runs, [self._like(run, seen) for run in self.runs])
             in_all = np.sqrt(sum(_squares(run, like) for run, like in zip(self.runs, like_them, strict=True)))
             if in_all > 0:
                 for j, like in enumerate(like_them):
@@ -133,27 +142,18 @@ class Likelihood:
         return np.concatenate([np.zeros((run.edges[-1], 0)), *each], axis=1)
 
     def _size_um(self, entries: Sequence[SizedEffect], index: int) -> float:
-        """Root of the squares, over all records, of what one effect adds to the others."""
-        added = self._added_um2([run.simulated(entries) for run in self.runs])
-        return float(np.sqrt(added[index] @ self._sizes))
-
-    def about_their_sessions(self, coefficients: Sequence[Samples]) -> list[Samples]:
-        """Coefficients (n, k) of each run, the levels among them about their mean in each session."""
-        levels = about_their_sessions(self.runs, [of_run[0] for of_run in coefficients])
-        found = [of_run.copy() for of_run in coefficients]
-        for of_run, level in zip(found, levels, strict=True):
-            of_run[0] = level
-        return found
+        """Root of the squares, over all records about their means, of what one effect adds to the others."""
+        added = self._added_um2([run.simulated(entries) for run in self.runs])[index]
+        return float(np.sqrt(added @ np.where(self._is_level, 0, self._sizes)))
 
     def _added_um2(self, found: Sequence[Simulated]) -> Samples:
-        """Power (entries, blocks) of what each effect adds to the others, spread over the octaves; of its levels that
-        about their mean in each session: the zero of a session is anywhere."""
+        """Power (entries, blocks) of what each effect adds to the others, spread over the octaves."""
         pairs = zip(self.runs, found, strict=True)
         added = np.concatenate([run.spread(one.power) for run, one in pairs], axis=1)
-        levels = about_their_sessions(self.runs, [one.level_um for one in found])
-        for run, level, block in zip(self.runs, levels, self._blocks, strict=False):
+        firsts = about_their_sessions(self.runs, [one.first for one in found])
+        for run, first, block in zip(self.runs, firsts, self._blocks[:-1], strict=True):
             if run.levelled:
-                added[:, block] = level**2
+                added[:, block] = first**2
         return added
 
     def terms(self, entries: Sequence[SizedEffect], moving: Samples | None = None) -> Terms:
@@ -172,21 +172,38 @@ class Likelihood:
         width = max(one.columns.shape[1] for one in found)
         own = np.zeros((self._blocks[-1], width, width))
         across = np.zeros((self._blocks[-1], width, self.among_shared.size))
-        parts = zip(self.runs, self.shared, found, pairwise(self._blocks), strict=True)
-        for run, shared, one, (a, b) in parts:
+        firsts = self.first_rows(found)
+        parts = zip(self.runs, self.shared, found, firsts, pairwise(self._blocks), strict=True)
+        for run, shared, one, first, (a, b) in parts:
             none = width - one.columns.shape[1]
             own[a:b, none:, none:] = run.products(one.columns, one.columns)
             across[a:b, none:] = run.products(one.columns, shared)
+            if run.levelled:
+                own[a, none:, none:] = np.outer(first, first)
+                across[a, none:] = np.outer(first, shared[0])
         p = max(one.tangents for one in found)
         moving = np.ones((len(found), width - 1 - p))
         return Moments(own, across, self.among_shared, self._blocks, p, moving)
+
+    def first_rows(self, found: Sequence[Simulated]) -> list[Samples]:
+        """The first row (k,) of the columns in each run, levels about their mean in the session, but for those of what
+        had been done before a record, which are of that record alone."""
+        rows = [one.columns[0] for one in found]
+        firsts = [np.array(first) for first in about_their_sessions(self.runs, rows)]
+        for one, row, first in zip(found, rows, firsts, strict=True):
+            first[one.tangents : -1] = row[one.tangents : -1]
+        return firsts
 
     def _near(self, terms: Terms, entries: tuple[SizedEffect, ...]) -> Terms:
         """A set at parameters near those of ``terms``, without tangents, for their likelihood alone."""
         own: Samples = np.zeros(terms.moments.integrated.own.shape[:2])
         across = np.zeros((self._blocks[-1], self.among_shared.size))
-        for run, shared, (a, b) in zip(self.runs, self.shared, pairwise(self._blocks), strict=True):
-            left = run.coefficients_left(run.modelled.error(entries)) if run.changed else run.base_error
+        each = [
+            run.coefficients(run.modelled.error(entries)[:, None]) if run.changed else run.base_error
+            for run in self.runs
+        ]
+        lefts = with_levels_about_their_sessions(self.runs, each)
+        for run, shared, left, (a, b) in zip(self.runs, self.shared, lefts, pairwise(self._blocks), strict=True):
             mine = np.concatenate([run.simulated(terms.entries).before, left], axis=1)
             own[a:b, own.shape[1] - mine.shape[1] :] = run.products(left, mine)[:, 0]
             across[a:b] = run.products(left, shared)[:, 0]
@@ -253,8 +270,10 @@ class Likelihood:
             found = normal.solve(right)
             moved = (found - amounts[unsettled]).largest()
             amounts.put(unsettled, found)
-            power[unsettled] = moments.power(found)
-            unsettled = unsettled[moved >= SETTLED]
+            was, power[unsettled] = power[unsettled], moments.power(found)
+            # A deviation of a zero is many of a level: by how far that moves tells nothing of how likely levels are.
+            changed = np.abs(power[unsettled] - was)[:, self._is_level] / variance[unsettled, 0][:, self._is_level]
+            unsettled = unsettled[(moved >= SETTLED) | (changed.max(axis=1, initial=0.0) / 2 >= LEAST_GAIN)]
         return Settled(amounts, moments.power(amounts), variance)
 
     def log_joint(self, terms: Terms, shares: Sequence[float], held_out: bool = True) -> Samples:
@@ -287,7 +306,7 @@ class Likelihood:
         told = signal / variance
         of_octave = (told @ self._in_octave) ** 2 / np.maximum(told**2 @ self._in_octave, 1e-300)
         records = np.maximum(of_octave, 1.0) @ self._in_octave.T
-        records = np.where(self._octaves == OF_LEVEL, 1.0, records)
+        records = np.where(self._is_level, 1.0, records)
         noise = self.noise / self.counted_beside(np.zeros_like(self.noise))
         return np.asarray(variance / (noise + records * np.maximum(variance - noise, 0.0)))
 
@@ -408,8 +427,9 @@ class Likelihood:
 
 
 def _squares(run: BlockedRun, columns: Samples) -> float:
-    """Summed squares of columns (n, k) over the blocks of a run, of all columns together."""
-    return float(run.sizes @ np.trace(run.products(columns, columns), axis1=1, axis2=2))
+    """Summed squares of columns (n, k) over the octaves of a run, of all columns together."""
+    octaves = slice(run.first_octave, None)
+    return float(run.sizes[octaves] @ np.trace(run.products(columns, columns)[octaves], axis1=1, axis2=2))
 
 
 def _log_sum(logs: Samples) -> float:

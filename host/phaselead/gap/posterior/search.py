@@ -9,7 +9,7 @@ import numpy as np
 
 from phaselead.gap.error_rates import SURE
 from phaselead.gap.parameters import SizedEffect, stands_at_an_end
-from phaselead.gap.posterior.blocks import BlockedRun, blocked
+from phaselead.gap.posterior.blocks import blocked, with_levels_about_their_sessions, zeros_of_sessions
 from phaselead.gap.posterior.detectable import detectable
 from phaselead.gap.posterior.expected import expected_of
 from phaselead.gap.posterior.likelihood import Likelihood
@@ -19,7 +19,6 @@ from phaselead.gap.posterior.starts import Start, Starts
 from phaselead.gap.regressors import base_columns
 from phaselead.gap.residual import ModelledRun
 from phaselead.model import Effect
-from phaselead.record import Samples
 
 BEAM, LARGEST_SET, TRIED_BESIDE, TRIED_ALONE = 2, 4, 4, 9
 """Sets that grow at a time, the most effects of one, and how many effects are tried beside a set and alone: what the
@@ -31,8 +30,6 @@ WITHIN, MOST_CONTESTED = 15.0, 12
 most sets in it."""
 EXCHANGES = 3
 """Times at most that each effect of the best set is replaced by each that it may be taken for."""
-ZERO_MOVED = 100.0
-"""Of the travel, by which the zero of a session may be off: as far as it likes."""
 CONTESTS = 3
 """Contests at most until the winner is one whose misfit all sets were given before."""
 
@@ -70,26 +67,12 @@ def likelihood_of(runs: Sequence[ModelledRun], base_may_be_off: bool = False, op
     no reference record holds them. ``open_plays``: these were fitted to the training records."""
     every = blocked(runs)
     expected = expected_of(every)
-    none = [np.zeros((run.edges[-1], 0)) for run in every]
-    off = [run.coefficients(base_columns(run.modelled, open_plays)) for run in every] if base_may_be_off else none
-    moved = _moved_zeros(every)
-    return Likelihood(
-        tuple(every), expected, tuple(np.concatenate(of_run, axis=1) for of_run in zip(off, moved, strict=True))
-    )
-
-
-def _moved_zeros(runs: Sequence[BlockedRun]) -> list[Samples]:
-    """Per run the coefficients (n, sessions) of a zero that may have been moved between sessions, which shows in levels
-    alone."""
-    sessions = sorted({run.modelled.run.role for run in runs if run.levelled})
-    travel_um = max(float(np.ptp(run.modelled.run.x_um)) for run in runs)
-    found = []
-    for run in runs:
-        moved = np.zeros((run.edges[-1], len(sessions)))
-        if run.levelled:
-            moved[0, sessions.index(run.modelled.run.role)] = ZERO_MOVED * travel_um
-        found.append(moved)
-    return found
+    shared = zeros_of_sessions(every)
+    if base_may_be_off:
+        off = [run.coefficients(base_columns(run.modelled, open_plays)) for run in every]
+        pairs = zip(shared, with_levels_about_their_sessions(every, off), strict=True)
+        shared = [np.concatenate(pair, axis=1) for pair in pairs]
+    return Likelihood(tuple(every), expected, tuple(shared))
 
 
 def search_sets(likelihood: Likelihood, effects: Sequence[Effect], on_progress: Callable[[float], None]) -> Contest:

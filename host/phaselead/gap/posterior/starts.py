@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phaselead.gap.parameters import SizedEffect, bounded
-from phaselead.gap.posterior.blocks import about_their_sessions
+from phaselead.gap.posterior.blocks import BlockedRun, about_their_sessions
 from phaselead.gap.posterior.detectable import Shapes
 from phaselead.gap.posterior.likelihood import Likelihood
 from phaselead.gap.posterior.moments import Amounts
@@ -76,19 +76,22 @@ class Starts:
         """Per run the coefficients (n, k) of every group, their levels about those of the session."""
         runs, found, levels = self.likelihood.runs, [], []
         for run in runs:
-            if not run.changed:
-                found.append(np.zeros((run.edges[-1], sum(len(group.steps) for group in groups)), dtype=np.float32))
-                levels.append(found[-1][0])
-                continue
-            base_um = run.modelled.answer()
-            none = np.zeros((len(base_um), 0))
-            columns = np.concatenate([none, *(group.columns(run.modelled, base_um) for group in groups)], axis=1)
-            coefficients = run.coefficients(columns)
+            coefficients = self._of_run(run, groups)
             found.append(coefficients.astype(np.float32))
             levels.append(coefficients[0])
         for of_run, level in zip(found, about_their_sessions(runs, levels), strict=True):
             of_run[0] = level
         return found
+
+    @staticmethod
+    def _of_run(run: BlockedRun, groups: Sequence[RegressorGroup]) -> Samples:
+        """(n, k) of every group in one run."""
+        if not run.changed:
+            return np.zeros((run.edges[-1], sum(len(group.steps) for group in groups)))
+        base_um = run.modelled.answer()
+        none = np.zeros((len(base_um), 0))
+        columns = [group.columns(run.modelled, base_um) for group in groups]
+        return run.coefficients(np.concatenate([none, *columns], axis=1))
 
     def beside(self, fit: Fit) -> dict[str, list[Start]]:
         """The best different shapes of every effect that is not in a set, the effect that explains most first."""
@@ -168,13 +171,15 @@ class Starts:
         own = [np.zeros((len(group.steps),) * 2) for group in groups]
         places = np.split(np.arange(k), np.cumsum([len(group.steps) for group in groups])[:-1])
         of_runs = np.split(w, terms.moments.runs[1:-1])
-        for i, (run, mine) in enumerate(zip(likelihood.runs, of_runs, strict=True)):
+        simulated = [run.simulated(fit.entries) for run in likelihood.runs]
+        parts = zip(likelihood.runs, of_runs, simulated, likelihood.first_rows(simulated), strict=True)
+        for i, (run, mine, of_run, first) in enumerate(parts):
             if not run.changed:
                 continue
             roots = np.repeat(np.sqrt(mine / run.sizes), run.sizes)[:, None].astype(np.float32)
-            of_run = run.simulated(fit.entries)
             tangents, residual = of_run.columns[:, :p], of_run.columns[:, -1:]
             of_set = np.concatenate([tangents, likelihood.shared[i], residual, of_run.before], axis=1)
+            of_set[0] = np.concatenate([first[:p], likelihood.shared[i][0], first[-1:], first[p:-1]])
             weighed = columns[i] * roots
             cross = (of_set.astype(np.float32) * roots).T @ weighed
             common += cross[: c + 1]
