@@ -18,7 +18,7 @@ from phaselead.gap.findings import NamedEffect, Posterior
 from phaselead.gap.posterior import likelihood_of
 from phaselead.gap.posterior.blocks import FEWEST_LEVELS, OF_LEVEL, blocked
 from phaselead.gap.posterior.expected import expected_of
-from phaselead.gap.records import axis_runs
+from phaselead.gap.records import axis_runs, roles_at_one_time
 from phaselead.gap.residual import modelled_run
 from phaselead.identify import fit
 from phaselead.model import AdoptedEffect, AxisModel, Scene, TimeView, catalogue
@@ -92,6 +92,15 @@ def recorded(ramp_um_per_s=0.0, gone_s=0.0, zero_um=0.0, clock_s=0.0, at_one_tim
     )
     stage = fit(reference)[0]
     return [modelled_run(stage.axes["x"], run) for run in axis_runs(stage, train, holdout, reference)["x"]]
+
+
+def test_two_windows_of_one_file_are_of_two_times():
+    """The rows before a window belong to the run, and are not of its time."""
+    t_s = 1e-3 * np.arange(4000.0)
+    one, other = (Made(role="train", span_s=(t_s[a], t_s[b])) for a, b in ((0, 1999), (2000, 3999)))
+    assert roles_at_one_time([one, other]) == []
+    assert roles_at_one_time([one, one]) == ["train"]
+    assert roles_at_one_time([one, Made(role="holdout", span_s=one.span_s)]) == []
 
 
 def odds(runs, entries):

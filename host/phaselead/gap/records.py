@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 from pathlib import PurePath
 from typing import Literal, NoReturn
 
@@ -91,6 +92,16 @@ class GapRun:
         """Whether no axis is driven where it is scored: what moves then is noise and surroundings."""
         moved = any(np.ptp(u[self.rows]) > STILL_V for u in self.others_V.values())
         return not self.driven and not moved
+
+
+def roles_at_one_time(runs: Sequence[GapRun]) -> list[Role]:
+    """The roles of which two records were taken at the same time by their clock: which came first nobody knows."""
+    found: list[Role] = []
+    for role in dict.fromkeys(run.role for run in runs):
+        spans_s = sorted(run.span_s for run in runs if run.role == role)
+        if any(end_s > begin_s for (_, end_s), (begin_s, _) in pairwise(spans_s)):
+            found.append(role)
+    return found
 
 
 def axis_runs(

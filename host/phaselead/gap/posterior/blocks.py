@@ -19,7 +19,7 @@ from scipy.fft import dct, next_fast_len
 
 from phaselead.gap.parameters import SizedEffect, fresh_columns, parameters_of
 from phaselead.gap.posterior.before import before_record
-from phaselead.gap.records import GapRun
+from phaselead.gap.records import roles_at_one_time
 from phaselead.gap.residual import ModelledRun, base_entries
 from phaselead.record import Samples
 
@@ -233,16 +233,9 @@ def blocked(runs: Sequence[ModelledRun]) -> list[BlockedRun]:
     every session came one after the other."""
     references = [m for m in runs if m.run.role == "reference"]
     usual_um = max(float(np.sqrt(np.mean([np.var(m.error()) for m in references or runs]))), 1e-12)
-    sessions = {role: [m.run for m in runs if m.run.role == role] for role in {m.run.role for m in runs}}
     told = sum(m.run.driven for m in references) >= FEWEST_LEVELS
-    say = told and all(_one_after_another(of_role) for of_role in sessions.values())
+    say = told and not roles_at_one_time([m.run for m in runs])
     return [BlockedRun(m, usual_um, say and m.run.driven) for m in runs]
-
-
-def _one_after_another(runs: Sequence[GapRun]) -> bool:
-    """Whether no two records were taken at the same time: where each begins at 0 s, nobody knows which came first."""
-    spans_s = sorted(run.span_s for run in runs)
-    return all(end_s <= begin_s for (_, end_s), (begin_s, _) in pairwise(spans_s))
 
 
 def about_their_sessions(runs: Sequence[BlockedRun], coefficients: Sequence[Samples]) -> list[Samples]:
