@@ -33,7 +33,7 @@ from phaselead.gap.goodness_of_fit import (
     too_little_described,
 )
 from phaselead.gap.locate import rank_cells
-from phaselead.gap.posterior import Claim
+from phaselead.gap.posterior import Claim, levels_say
 from phaselead.gap.provisional import nearest_that_pays
 from phaselead.gap.records import GapRun, roles_at_one_time
 from phaselead.gap.scale import ROLES, FarAbove, far_above_known, unlike_others
@@ -121,7 +121,8 @@ def search_axis(
     floor = floor_of(selection.contest)
     final = final_fit(selection, runs, floor)
     claimed = _claimed(selection, final)
-    other = find_voltage_independent(axis, final, effects, _names(claimed.named, claimed.ties))
+    none_drifts = levels_say(runs) and any(selection.is_without(e.name) for e in effects if e.moves_zero == "steadily")
+    other = find_voltage_independent(axis, final, effects, _names(claimed.named, claimed.ties), none_drifts)
     left = _left_by(claimed, final, other)
     vouched = _without_claims(claimed) if left.too_much else claimed
     named, ties = [*vouched.named, *other.named], [*vouched.ties, *other.ties]

@@ -76,6 +76,7 @@ def select_effects(
         contest=contest,
         found=claims,
         nameless=names,
+        probability=judgement.probability,
         something_unnamed=judged.something_unnamed,
         estimates=found.intervals,
         posteriors=found.posteriors,

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from collections.abc import Set as AbstractSet
 from dataclasses import dataclass, field, replace
 
+from phaselead.gap.error_rates import INSIDE
 from phaselead.gap.findings import NAMED, WITHDRAWN, Candidate, Estimate, Posterior
 from phaselead.gap.parameters import SizedEffect
 from phaselead.gap.posterior import Claim, Contest
@@ -40,6 +41,8 @@ class Selection:
     """What is there, with a name or without."""
     nameless: frozenset[str] = frozenset()
     """Effects that change what the base has, and so get no name."""
+    probability: Mapping[str, float] = field(default_factory=dict)
+    """Of each effect of the sets that were compared, by name."""
     something_unnamed: bool = False
     """Whether something is there that no name is sure to be."""
     estimates: Mapping[str, Mapping[str, Estimate]] = field(default_factory=dict)
@@ -60,6 +63,10 @@ class Selection:
         """What is there and would be a change of the base, or a base that was wrong: it has entries, and gets no
         name."""
         return tuple(claim for claim in self.found if claim not in self.claims)
+
+    def is_without(self, name: str) -> bool:
+        """Whether an effect was looked for and is probably not there."""
+        return name in self.contest.names and self.probability.get(name, 0.0) <= 1 - INSIDE
 
     @property
     def messages(self) -> list[str]:

@@ -52,15 +52,16 @@ class VoltageIndependent:
 
 
 def find_voltage_independent(
-    axis: str, final: FinalFit, effects: Sequence[Effect], claimed: set[str]
+    axis: str, final: FinalFit, effects: Sequence[Effect], claimed: set[str], none_drifts: bool = False
 ) -> VoltageIndependent:
-    """Test what the final model leaves for disturbances and a moved zero; ``claimed`` are the names of the search."""
+    """Test what the final model leaves for disturbances and a moved zero. ``claimed`` are the names of the search;
+    ``none_drifts``: it has found that the zero moves in no session."""
     residuals = final.without_ringing("train"), final.without_ringing("holdout"), final.without_ringing("reference")
     found, untested, left_out = find_disturbances(*residuals, {e.name for e in effects})
     tested = [effect for effect in effects if effect.name not in untested]
     whole = final.residuals("train"), final.residuals("holdout")
     bounds, hidden = disturbance_bounds(*whole, tested, {one.name for one in found})
-    zero = _moved_zero(final, effects, claimed)
+    zero = _moved_zero(final, effects, claimed, none_drifts)
     louder = not found and louder_at_rest(*residuals)
     return VoltageIndependent(
         named=[*(_disturbance(one, final) for one in found), *zero.named],
@@ -91,10 +92,10 @@ class _MovedZero:
     drift_um_per_s: float = 0.0
 
 
-def _moved_zero(final: FinalFit, effects: Sequence[Effect], claimed: set[str]) -> _MovedZero:
+def _moved_zero(final: FinalFit, effects: Sequence[Effect], claimed: set[str], none_drifts: bool) -> _MovedZero:
     """Test for a zero that moved between the sessions."""
     offsets = final.offsets("reference"), final.offsets("train"), final.offsets("holdout")
-    shifts = session_shifts(*offsets, final.unexplained_um)
+    shifts = session_shifts(*offsets, final.unexplained_um, none_goes_on=none_drifts)
     # What is slow and was named may shift the records as well.
     slow = any(effect.slow and effect.name in claimed for effect in effects)
     shifted = () if slow else best_explained(shifts)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from phaselead.gap.posterior.absent import largest_sizes
 from phaselead.gap.posterior.before import before_record
+from phaselead.gap.posterior.blocks import levels_say
 from phaselead.gap.posterior.detectable import MOST_STATED
 from phaselead.gap.posterior.forecast import Forecast
 from phaselead.gap.posterior.interval import intervals, intervals_alone, posteriors, shows_itself
@@ -36,6 +37,7 @@ __all__ = [
     "intervals_alone",
     "judge",
     "largest_sizes",
+    "levels_say",
     "likelihood_of",
     "names_of",
     "posteriors",

@@ -19,7 +19,7 @@ from scipy.fft import dct, next_fast_len
 
 from phaselead.gap.parameters import SizedEffect, fresh_columns, parameters_of
 from phaselead.gap.posterior.before import before_record
-from phaselead.gap.records import roles_at_one_time
+from phaselead.gap.records import GapRun, roles_at_one_time
 from phaselead.gap.residual import ModelledRun, base_entries
 from phaselead.record import Samples
 
@@ -233,9 +233,14 @@ def blocked(runs: Sequence[ModelledRun]) -> list[BlockedRun]:
     every session came one after the other."""
     references = [m for m in runs if m.run.role == "reference"]
     usual_um = max(float(np.sqrt(np.mean([np.var(m.error()) for m in references or runs]))), 1e-12)
-    told = sum(m.run.driven for m in references) >= FEWEST_LEVELS
-    say = told and not roles_at_one_time([m.run for m in runs])
+    say = levels_say([m.run for m in runs])
     return [BlockedRun(m, usual_um, say and m.run.driven) for m in runs]
+
+
+def levels_say(runs: Sequence[GapRun]) -> bool:
+    """Whether the levels of the driven ones of some runs say something."""
+    told = sum(run.driven for run in runs if run.role == "reference") >= FEWEST_LEVELS
+    return told and not roles_at_one_time(runs)
 
 
 def about_their_sessions(runs: Sequence[BlockedRun], coefficients: Sequence[Samples]) -> list[Samples]:
