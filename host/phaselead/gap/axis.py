@@ -35,8 +35,8 @@ from phaselead.gap.goodness_of_fit import (
 from phaselead.gap.locate import rank_cells
 from phaselead.gap.posterior import Claim, levels_say
 from phaselead.gap.provisional import nearest_that_pays
-from phaselead.gap.records import GapRun, roles_at_one_time
-from phaselead.gap.scale import ROLES, FarAbove, far_above_known, unlike_others
+from phaselead.gap.records import GapRun
+from phaselead.gap.scale import FarAbove, far_above_known, unlike_others
 from phaselead.gap.search import Progress, select_effects
 from phaselead.gap.selection import Selection
 from phaselead.gap.unexplained import WORTH_SHARE, Unexplained, unexplained
@@ -162,7 +162,6 @@ def search_axis(
             *left.messages,
             *other.messages,
             *_if_further_off(final),
-            *(_if_at_one_time(runs) if referenced else []),
         ],
         adopted=kept,
         detectable=_detectable(selection, candidates),
@@ -187,15 +186,6 @@ def _if_further_off(final: FinalFit) -> list[str]:
         f"held-out records are further off with {' and '.join(slow)} than without, each about its own mean: how much "
         "was still under way when they began is not known; the odds count that, these figures do not. Let the stage "
         "stand, or drive it the same way, before each record"
-    ]
-
-
-def _if_at_one_time(runs: Sequence[GapRun]) -> list[str]:
-    """What to say where nobody knows in which order the records of a session were taken."""
-    return [
-        f"{ROLES[role]} records overlap in time, as where each begins at 0 s: a drift shows only within each of them, "
-        "not from one to the next. Give them the times of one clock"
-        for role in roles_at_one_time(runs)
     ]
 
 
