@@ -196,3 +196,21 @@ def test_what_is_unexplained_must_be_small_beside_a_shift_and_no_more(seed, scat
     parts = records(100 * scatter_um, 0.0, scatter_um, seed)
     assert "offset" in best_explained(session_shifts(*parts, unexplained_um=15 * scatter_um))
     assert best_explained(session_shifts(*parts, unexplained_um=25 * scatter_um)) == ()
+
+
+@given(st.integers(0, 10**6), st.floats(0.001, 0.1), st.floats(1.3, 5.0), st.sampled_from([-1, 1]))
+def test_where_records_at_rest_stand_elsewhere_a_step_has_no_name_and_a_bound_that_holds_both(
+    seed, scatter, times, sign
+):
+    step_um = sign * 60 * scatter
+    reference, *later = records(step_um, 0.0, scatter, seed)
+    later = [[replace(r, mean_um=r.mean_um + (times - 1) * step_um * r.idle) for r in part] for part in later]
+    shift = session_shifts(reference, *later)["offset"]
+    assert shift.not_at_rest
+    assert not shift.sure
+    assert shift.upper > times * abs(step_um) - 6 * scatter
+
+
+@given(st.integers(0, 10**6), st.floats(0.001, 0.1))
+def test_where_nothing_moved_records_at_rest_refute_nothing(seed, scatter):
+    assert not any(shift.not_at_rest for shift in session_shifts(*records(0.0, 0.0, scatter, seed)).values())

@@ -105,19 +105,21 @@ def _moved_zero(final: FinalFit, effects: Sequence[Effect], claimed: set[str], n
     explained = not left_out
     named = [_shifted(allowed[name], shifts[name]) for name in shifted] if explained else []
     excluded = [
-        Bound(name, abs(shifts[name].amount) + shifts[name].half, effect.sizes[0].unit)
+        Bound(name, shifts[name].upper, effect.sizes[0].unit)
         for name, effect in allowed.items()
         if effect.moves_zero == "at once" and name in shifts and name not in {one.name for one in named}
     ]
+    elsewhere = [] if slow or shifted else [name for name, shift in shifts.items() if shift.not_at_rest]
     rates = [shifts[name].amount for name in shifted if explained and allowed[name].moves_zero == "steadily"]
     return _MovedZero(
         tested=bool(shifts),
         named=named if len(named) == 1 else (),
         ties=[shifted] if len(named) > 1 else (),
         excluded=excluded,
-        unknown=bool(refuted) or (bool(shifted) and not explained),
+        unknown=bool(refuted) or (bool(shifted) and not explained) or (bool(elsewhere) and not claimed),
         messages=[
             *([_moved_back(refuted, shifts)] if refuted else []),
+            *([_elsewhere(elsewhere, shifts)] if elsewhere and not refuted else []),
             *([] if explained else [f"{_standing_off(left_out, shifts)}, which is left out of the catalogue"]),
         ],
         drift_um_per_s=sum(rates),
@@ -127,6 +129,13 @@ def _moved_zero(final: FinalFit, effects: Sequence[Effect], claimed: set[str], n
 def _moved_back(names: Sequence[str], shifts: Mapping[str, Shift]) -> str:
     """What to say of shifts that records at rest refute."""
     return f"{_standing_off(names, shifts)}, but those at rest move back: what moved the zero is not known"
+
+
+def _elsewhere(names: Sequence[str], shifts: Mapping[str, Shift]) -> str:
+    """What to say of shifts that driven records show and records at rest do not."""
+    return (
+        f"driven {_standing_off(names, shifts)}, and those at rest otherwise: the zero moved, or what the stage answers"
+    )
 
 
 def _standing_off(names: Sequence[str], shifts: Mapping[str, Shift]) -> str:

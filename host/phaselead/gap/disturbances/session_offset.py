@@ -81,6 +81,10 @@ class Shift:
     """Probability of as much by chance."""
     refuted: bool = False
     """Whether it would be sure, but records at rest move back."""
+    not_at_rest: bool = False
+    """Whether it would be sure, but records at rest stand elsewhere."""
+    upper: float = 0.0
+    """Largest magnitude that it may have; where records at rest stand elsewhere, they may be right."""
 
 
 def session_shifts(
@@ -162,14 +166,21 @@ def _shift(
     reach = max(moved) - (min(moved) if beyond_step else 0.0)
     tolerated_um = scatter if tolerated_um is None else tolerated_um
     seen_at_rest = _seen_at_rest(amounts, columns, at_rest, tolerated_um)
-    found_again = p_again < ERROR_RATE and amounts[0] * again[0] > 0
-    sure = seen_at_rest and p < FOUND and found_again and reach > LEAST_SHIFT * max(scatter, unexplained_um)
+    found_again = bool(p_again < ERROR_RATE and amounts[0] * again[0] > 0)
+    moved_surely = p < FOUND and found_again and reach > LEAST_SHIFT * max(scatter, unexplained_um)
+    sure = seen_at_rest and moved_surely
     freedom = max(len(before) + len(later) - 1 - len(columns), 1)
     half = float(t_distribution.isf(0.025, freedom)) * error + _aside(
         amounts, columns, before, later, at_rest, tolerated_um
     )
     back = began_s is not None and _moves_back(amounts[0], at_rest)
-    return Shift(amounts[0], half, bool(sure and not back), scatter**2 * freedom, p, bool(sure and back))
+    upper = abs(amounts[0]) + half
+    if began_s is None and moved_surely and not seen_at_rest:
+        upper = max(upper, float(np.max(np.abs(_stood_off(at_rest)))) + 3 * scatter)
+    return Shift(
+        amounts[0], half, sure and not back, scatter**2 * freedom, p, refuted=sure and back,
+        not_at_rest=moved_surely and not seen_at_rest, upper=upper,
+    )  # fmt: skip
 
 
 def _seen_at_rest(
