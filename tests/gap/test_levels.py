@@ -15,7 +15,7 @@ from test_far_above_references import drifting, sessions
 from phaselead.gap.best_prediction import best_predicting
 from phaselead.gap.derived import derived_of
 from phaselead.gap.findings import NamedEffect, Posterior
-from phaselead.gap.posterior import likelihood_of
+from phaselead.gap.posterior import Contest, likelihood_of
 from phaselead.gap.posterior.blocks import FEWEST_LEVELS, OF_LEVEL, blocked
 from phaselead.gap.posterior.expected import expected_of
 from phaselead.gap.records import axis_runs, roles_at_one_time
@@ -207,3 +207,15 @@ def test_what_two_parameters_come_to_is_known_as_well_as_both_together(together,
     assert value == pytest.approx(60e3 * (adopted["ramp_um_per_s"] + 1e-6), rel=1e-3)
     assert high - value == pytest.approx(expected, rel=1e-2, abs=1e-3)
     assert value - low == pytest.approx(expected, rel=1e-2, abs=1e-3)
+
+
+def test_where_records_stand_speaks_neither_for_nor_against_what_goes_on_between_them():
+    likelihood, creep = likelihood_of(recorded(TRUE_um_per_s)), catalogue()["creep"]
+    creeping = [(creep, creep.complete({creep.sizes[0].name: creep.sizes[0].typical}))]
+    fits = [likelihood.fit(entries, steps=10) for entries in ((), [drift(TRUE_um_per_s)], creeping)]
+    contest = Contest(likelihood, {fit.names: fit for fit in fits}, 2)
+    of_nothing, of_drift, of_creep = fits
+    assert of_drift.log_levels > of_nothing.log_levels + 5
+    assert contest.log_evidence(()) == of_nothing.log_evidence
+    granted = contest.log_evidence(("creep",)) - of_creep.log_evidence
+    assert granted == pytest.approx(of_drift.log_levels - of_creep.log_levels)

@@ -157,13 +157,13 @@ def _that_pay(
 def _candidates(contest: Contest, found: Judgement) -> tuple[Candidate, ...]:
     """The sets of the contest, the most probable first, and how they did."""
     ranked = sorted(contest.fits.items(), key=lambda pair: -found.sets[pair[0]])[:SHOWN_SETS]
-    best, nothing = contest.log_posterior(ranked[0][0]), contest.fits[()].log_evidence
+    best, nothing = contest.log_posterior(ranked[0][0]), contest.log_evidence(())
     leader, rows = "the best set" if ranked[0][0] else "nothing", []
     for names, fit in ranked:
         if names:
             behind = best - contest.log_posterior(names)
             remark = NAMED if found.claims else NOT_NAMED
             remark = remark if fit is found.best else f"log odds {behind:.1f} behind {leader}"
-            gained = fit.log_evidence - nothing
+            gained = contest.log_evidence(names) - nothing
             rows.append(Candidate(len(names), " + ".join(names), gained, remark))
     return tuple(rows)

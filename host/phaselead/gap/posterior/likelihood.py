@@ -186,12 +186,12 @@ class Likelihood:
         return Moments(own, across, self.among_shared, self._blocks, p, moving)
 
     def first_rows(self, found: Sequence[Simulated]) -> list[Samples]:
-        """The first row (k,) of the columns in each run, levels about their mean in the session, but for those of what
-        had been done before a record, which are of that record alone."""
-        rows = [one.columns[0] for one in found]
-        firsts = [np.array(first) for first in about_their_sessions(self.runs, rows)]
-        for one, row, first in zip(found, rows, firsts, strict=True):
-            first[one.tangents : -1] = row[one.tangents : -1]
+        """The first row (k,) of the columns in each run, levels about their mean in the session. What had been done
+        before a record explains no level of its own: it went on from one record to the next."""
+        firsts = [np.array(first) for first in about_their_sessions(self.runs, [one.columns[0] for one in found])]
+        for run, one, first in zip(self.runs, found, firsts, strict=True):
+            if run.levelled:
+                first[one.tangents : -1] = 0.0
         return firsts
 
     def _near(self, terms: Terms, entries: tuple[SizedEffect, ...]) -> Terms:
@@ -206,6 +206,7 @@ class Likelihood:
         for run, shared, left, (a, b) in zip(self.runs, self.shared, lefts, pairwise(self._blocks), strict=True):
             mine = np.concatenate([run.simulated(terms.entries).before, left], axis=1)
             own[a:b, own.shape[1] - mine.shape[1] :] = run.products(left, mine)[:, 0]
+            own[a : a + run.first_octave, :-1] = 0.0
             across[a:b] = run.products(left, shared)[:, 0]
         of_records = np.repeat(terms.moments.moving, np.diff(self._blocks), axis=0)
         own[:, :-1] *= of_records
@@ -399,7 +400,19 @@ class Likelihood:
             probability = likely / likely.sum()
             kept = np.flatnonzero(probability > NEGLIGIBLE)
             covariance = np.tensordot(probability[kept], self._covariances(terms, [grid[i] for i in kept]), 1)
-        return Fit(terms, _log_sum(every), _log_sum(fitted), named, share, covariance)
+        levels = self._log_levels(terms, share)
+        return Fit(
+            terms, _log_sum(every), _log_sum(fitted), named, share, covariance, float(levels.sum()),
+            float(levels @ self.fitted),
+        )  # fmt: skip
+
+    def _log_levels(self, terms: Terms, share: float) -> Samples:
+        """What each block (blocks,) brings to the log density if it is a level; 0 if not."""
+        at = self.settled(terms, [share])
+        likely = softmax(self._of_records(at.power, at.variance, held_out=True)[0], axis=0)
+        each = self._log_densities(at.power, at.variance)[0]
+        of_blocks = np.sum(np.repeat(likely, np.diff(self._blocks), axis=-1) * each, axis=0)
+        return np.where(self._is_level, of_blocks, 0.0)
 
     def _moving(self, terms: Terms, share: float) -> tuple[Samples, list[dict[int, float]]]:
         """Which columns (runs, b) of the records most likely go on, beside the set as it is; and for each of its slow

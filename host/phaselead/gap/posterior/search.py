@@ -53,13 +53,26 @@ class Contest:
         looked_at = self.starts.effects if self.starts is not None else ()
         return {effect.name for effect in looked_at} | {name for names in self.fits for name in names}
 
+    def log_evidence(self, names: Names) -> float:
+        """Of a set. Where records stand speaks neither for nor against effects that go on between them, as nobody
+        knows how: a set of such is granted as much as that brings to any set."""
+        fit = self.fits[names]
+        return fit.log_evidence + self._granted(fit, "log_levels")
+
     def log_posterior(self, names: Names) -> float:
         """Log evidence and log prior of a set."""
-        return self.fits[names].log_evidence + log_prior_of_set(len(names), self.catalogue_size)
+        return self.log_evidence(names) + log_prior_of_set(len(names), self.catalogue_size)
 
     def log_posterior_fitted(self, names: Names) -> float:
         """The same without the held-out records."""
-        return self.fits[names].log_evidence_fitted + log_prior_of_set(len(names), self.catalogue_size)
+        fit = self.fits[names]
+        log_evidence = fit.log_evidence_fitted + self._granted(fit, "log_levels_fitted")
+        return log_evidence + log_prior_of_set(len(names), self.catalogue_size)
+
+    def _granted(self, fit: Fit, levels: str) -> float:
+        if not fit.has_history:
+            return 0.0
+        return float(max(getattr(one, levels) for one in self.fits.values()) - getattr(fit, levels))
 
 
 def likelihood_of(runs: Sequence[ModelledRun], base_may_be_off: bool = False, open_plays: bool = False) -> Likelihood:

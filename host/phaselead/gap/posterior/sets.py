@@ -66,6 +66,15 @@ class Fit:
     """The most likely share of equation misfit."""
     covariance: Samples
     """(parameters, parameters) in internal units."""
+    log_levels: float = 0.0
+    """What the levels of all records bring to the log density."""
+    log_levels_fitted: float = 0.0
+    """The same without the held-out records."""
+
+    @property
+    def has_history(self) -> bool:
+        """Whether where records stand depends on what went on between them, which no record shows."""
+        return any(effect.slow and effect.before_record is not None for effect, _ in self.entries)
 
     @property
     def entries(self) -> tuple[SizedEffect, ...]:
