@@ -217,5 +217,8 @@ def test_where_records_stand_speaks_neither_for_nor_against_what_goes_on_between
     of_nothing, of_drift, of_creep = fits
     assert of_drift.log_levels > of_nothing.log_levels + 5
     assert contest.log_evidence(()) == of_nothing.log_evidence
+    elsewhere = likelihood_of([_standing_off(run, 0.02 * i) for i, run in enumerate(recorded(TRUE_um_per_s))])
+    moved = elsewhere.fit(of_creep.entries, steps=0)
+    assert moved.log_evidence == pytest.approx(likelihood.fit(of_creep.entries, steps=0).log_evidence, abs=0.5)
     granted = contest.log_evidence(("creep",)) - of_creep.log_evidence
     assert granted == pytest.approx(of_drift.log_levels - of_creep.log_levels)

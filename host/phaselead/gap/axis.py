@@ -33,7 +33,7 @@ from phaselead.gap.goodness_of_fit import (
     too_little_described,
 )
 from phaselead.gap.locate import rank_cells
-from phaselead.gap.posterior import Claim, levels_say
+from phaselead.gap.posterior import Claim, goes_on_between_records, levels_say
 from phaselead.gap.provisional import nearest_that_pays
 from phaselead.gap.records import GapRun
 from phaselead.gap.scale import FarAbove, far_above_known, unlike_others
@@ -122,7 +122,10 @@ def search_axis(
     final = final_fit(selection, runs, floor)
     claimed = _claimed(selection, final)
     none_drifts = levels_say(runs) and any(selection.is_without(e.name) for e in effects if e.moves_zero == "steadily")
-    other = find_voltage_independent(axis, final, effects, _names(claimed.named, claimed.ties), none_drifts)
+    # What probably goes on between the records moves where they stand, with a name or without.
+    going_on = {e.name for e in effects if goes_on_between_records(e) and selection.is_likely(e.name)}
+    known = _names(claimed.named, claimed.ties) | going_on
+    other = find_voltage_independent(axis, final, effects, known, none_drifts)
     left = _left_by(claimed, final, other)
     vouched = _without_claims(claimed) if left.too_much else claimed
     named, ties = [*vouched.named, *other.named], [*vouched.ties, *other.ties]

@@ -12,7 +12,7 @@ from phaselead.gap.posterior.likelihood import Likelihood
 from phaselead.gap.posterior.missed import LEAST_OF_MATERIAL, MOST_MISSED, TIMES_BASE
 from phaselead.gap.posterior.priors import KNOWN_BEFORE
 from phaselead.gap.posterior.search import Contest, at_an_end, likelihood_of, search_sets
-from phaselead.gap.posterior.sets import Fit, confused, names_of
+from phaselead.gap.posterior.sets import Fit, confused, goes_on_between_records, names_of
 from phaselead.gap.posterior.starts import Starts
 from phaselead.gap.posterior.verdict import MORE_LIKELY_THAN_NOT, Claim, Judgement, judge
 
@@ -33,6 +33,7 @@ __all__ = [
     "at_an_end",
     "before_record",
     "confused",
+    "goes_on_between_records",
     "intervals",
     "intervals_alone",
     "judge",

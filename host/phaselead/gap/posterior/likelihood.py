@@ -57,6 +57,8 @@ STEPS, LEAST_GAIN, DAMPINGS = 8, 0.05, 5
 
 SETTLING, SETTLED = 30, 0.01
 """Steps at most in which what is integrated out settles, and the change in prior deviations that ends them."""
+ANYWHERE_UM2 = 1e12
+"""Variance of levels that say nothing, (1 m)^2."""
 NEGLIGIBLE = 1e-3
 """Probability of a share below which it does not widen an interval."""
 
@@ -186,13 +188,8 @@ class Likelihood:
         return Moments(own, across, self.among_shared, self._blocks, p, moving)
 
     def first_rows(self, found: Sequence[Simulated]) -> list[Samples]:
-        """The first row (k,) of the columns in each run, levels about their mean in the session. What had been done
-        before a record explains no level of its own: it went on from one record to the next."""
-        firsts = [np.array(first) for first in about_their_sessions(self.runs, [one.columns[0] for one in found])]
-        for run, one, first in zip(self.runs, found, firsts, strict=True):
-            if run.levelled:
-                first[one.tangents : -1] = 0.0
-        return firsts
+        """The first row (k,) of the columns in each run, levels about their mean in the session."""
+        return about_their_sessions(self.runs, [one.columns[0] for one in found])
 
     def _near(self, terms: Terms, entries: tuple[SizedEffect, ...]) -> Terms:
         """A set at parameters near those of ``terms``, without tangents, for their likelihood alone."""
@@ -206,7 +203,6 @@ class Likelihood:
         for run, shared, left, (a, b) in zip(self.runs, self.shared, lefts, pairwise(self._blocks), strict=True):
             mine = np.concatenate([run.simulated(terms.entries).before, left], axis=1)
             own[a:b, own.shape[1] - mine.shape[1] :] = run.products(left, mine)[:, 0]
-            own[a : a + run.first_octave, :-1] = 0.0
             across[a:b] = run.products(left, shared)[:, 0]
         of_records = np.repeat(terms.moments.moving, np.diff(self._blocks), axis=0)
         own[:, :-1] *= of_records
@@ -219,7 +215,10 @@ class Likelihood:
         """v (s, k, blocks) in um^2, for each multiple of what the base misses in a record."""
         missed = missed_um2(np.array(shares)[:, None], terms.signal, terms.of_material)
         of_base = np.array(TIMES_BASE)[:, None] ** 2 * self.base
-        return np.asarray(self.noise + of_base + missed[:, None])
+        found = np.asarray(self.noise + of_base + missed[:, None])
+        if terms.has_history or not terms.levels_say:
+            found[..., self._is_level] = ANYWHERE_UM2
+        return found
 
     def _log_densities(self, power: Samples, variance: Samples) -> Samples:
         """(s, k, blocks) of the residual's power (s, blocks), as many coefficients of each block as count."""
@@ -400,19 +399,19 @@ class Likelihood:
             probability = likely / likely.sum()
             kept = np.flatnonzero(probability > NEGLIGIBLE)
             covariance = np.tensordot(probability[kept], self._covariances(terms, [grid[i] for i in kept]), 1)
-        levels = self._log_levels(terms, share)
-        return Fit(
-            terms, _log_sum(every), _log_sum(fitted), named, share, covariance, float(levels.sum()),
-            float(levels @ self.fitted),
-        )  # fmt: skip
+        levels = [self._log_levels(terms, share, held_out) for held_out in (True, False)]
+        return Fit(terms, _log_sum(every), _log_sum(fitted), named, share, covariance, *levels)
 
-    def _log_levels(self, terms: Terms, share: float) -> Samples:
-        """What each block (blocks,) brings to the log density if it is a level; 0 if not."""
-        at = self.settled(terms, [share])
-        likely = softmax(self._of_records(at.power, at.variance, held_out=True)[0], axis=0)
-        each = self._log_densities(at.power, at.variance)[0]
-        of_blocks = np.sum(np.repeat(likely, np.diff(self._blocks), axis=-1) * each, axis=0)
-        return np.where(self._is_level, of_blocks, 0.0)
+    def _log_levels(self, terms: Terms, share: float, held_out: bool) -> float:
+        """What the levels bring to the log evidence of a set, the price that its parameters pay for them included."""
+        mine = self._is_level & (held_out | self.fitted)
+        if not mine.any():
+            return 0.0
+        without = replace(terms, levels_say=False, settled={})
+        none = np.full((1, 1, len(mine)), ANYWHERE_UM2)
+        of_anywhere = float(self._log_densities(np.zeros((1, len(mine))), none)[0, 0] @ mine)
+        pair = (self._log_evidence(one, [share], held_out).item() for one in (terms, without))
+        return next(pair) - next(pair) + of_anywhere
 
     def _moving(self, terms: Terms, share: float) -> tuple[Samples, list[dict[int, float]]]:
         """Which columns (runs, b) of the records most likely go on, beside the set as it is; and for each of its slow

@@ -55,7 +55,7 @@ class Contest:
 
     def log_evidence(self, names: Names) -> float:
         """Of a set. Where records stand speaks neither for nor against effects that go on between them, as nobody
-        knows how: a set of such is granted as much as that brings to any set."""
+        knows how: a set of such is granted as much as that brings to any other."""
         fit = self.fits[names]
         return fit.log_evidence + self._granted(fit, "log_levels")
 
@@ -72,7 +72,8 @@ class Contest:
     def _granted(self, fit: Fit, levels: str) -> float:
         if not fit.has_history:
             return 0.0
-        return float(max(getattr(one, levels) for one in self.fits.values()) - getattr(fit, levels))
+        others = [getattr(one, levels) for one in self.fits.values() if not one.has_history]
+        return float(max(others, default=0.0) - getattr(fit, levels))
 
 
 def likelihood_of(runs: Sequence[ModelledRun], base_may_be_off: bool = False, open_plays: bool = False) -> Likelihood:

@@ -43,8 +43,15 @@ class Terms:
     of_material: Samples
     """(blocks,) the part of it that is of the ceramic's loops and creep."""
     prior: Prior
+    levels_say: bool = True
+    """Whether levels count."""
     settled: dict[tuple[float, bool], Settled] = field(default_factory=dict)
     """Where what is integrated out settles, by share and whether held-out records counted, once found."""
+
+    @property
+    def has_history(self) -> bool:
+        """Whether where records stand depends on what went on between them, which no record shows."""
+        return any(goes_on_between_records(effect) for effect, _ in self.entries)
 
     def where_moving(self, moving: Samples) -> Terms:
         """The same where of what had been done before only this (runs, b) still goes on."""
@@ -67,14 +74,14 @@ class Fit:
     covariance: Samples
     """(parameters, parameters) in internal units."""
     log_levels: float = 0.0
-    """What the levels of all records bring to the log density."""
+    """What the levels of all records bring to the log evidence."""
     log_levels_fitted: float = 0.0
     """The same without the held-out records."""
 
     @property
     def has_history(self) -> bool:
-        """Whether where records stand depends on what went on between them, which no record shows."""
-        return any(effect.slow and effect.before_record is not None for effect, _ in self.entries)
+        """As of its terms."""
+        return self.terms.has_history
 
     @property
     def entries(self) -> tuple[SizedEffect, ...]:
@@ -85,6 +92,11 @@ class Fit:
     def names(self) -> Names:
         """Of the effects, sorted."""
         return names_of(self.entries)
+
+
+def goes_on_between_records(effect: Effect) -> bool:
+    """Whether it is so slow that what it had done before a record shows in where that stands."""
+    return effect.slow and effect.before_record is not None
 
 
 def names_of(entries: Sequence[SizedEffect]) -> Names:
