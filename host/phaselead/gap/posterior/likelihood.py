@@ -299,16 +299,17 @@ class Likelihood:
     def independent(self, terms: Terms, shares: Sequence[float], signal: Samples) -> Samples:
         """Share (s, blocks) of what a block says of the size of something with this power (blocks,) that other records
         do not say too. What the base and the equations miss is the stage's, and the same in every record: an octave
-        tells a size past it once, however many records there are. What all levels have in common is the zero of the
-        session: the rest is each record's own."""
+        tells a size past it once, however many records there are. A level tells a size of what moves the zero, in
+        each record: that of others depends on a past that nobody knows."""
         at = self.settled(terms, shares)
         variance = 1 / self.weights(at.power, at.variance)
         told = signal / variance
         of_octave = (told @ self._in_octave) ** 2 / np.maximum(told**2 @ self._in_octave, 1e-300)
         records = np.maximum(of_octave, 1.0) @ self._in_octave.T
-        records = np.where(self._is_level, 1.0, records)
         noise = self.noise / self.counted_beside(np.zeros_like(self.noise))
-        return np.asarray(variance / (noise + records * np.maximum(variance - noise, 0.0)))
+        told_once = variance / (noise + records * np.maximum(variance - noise, 0.0))
+        moves_zero = any(effect.moves_zero is not None for effect, _ in terms.entries)
+        return np.where(self._is_level, float(moves_zero), told_once)
 
     def _covariances(self, terms: Terms, shares: Sequence[float]) -> Samples:
         """(s, p, p) of the parameters in internal units."""
