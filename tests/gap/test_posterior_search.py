@@ -117,7 +117,9 @@ class Weighed:
 
     def fit(self, entries):
         names = tuple(sorted(effect.name for effect, _ in entries))
-        return SimpleNamespace(entries=tuple(entries), names=names, log_evidence=self.evidence.get(names, 0.0))
+        return SimpleNamespace(
+            entries=tuple(entries), names=names, has_history=False, log_evidence=self.evidence.get(names, 0.0)
+        )
 
 
 @pytest.mark.parametrize("rival", ["sensor_lowpass", "gain_change"])

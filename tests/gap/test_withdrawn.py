@@ -43,7 +43,7 @@ def test_what_every_withdrawn_claim_was_for_is_still_there(monkeypatch):
     it, something has no name: that is not nothing."""
     reference, train, holdout = parts({"delay": HIDDEN["delay"]})
     without = [name for name in catalogue() if name not in KEPT]
-    monkeypatch.setattr(search, "_that_pay", lambda held, entries, claims: ())
+    monkeypatch.setattr(search, "_that_pay", lambda held, entries, claims, levelled: ())
     monkeypatch.setattr(
         axis, "unexplained", lambda *residuals, of_any_size: Unexplained(0.0, 1.0)
     )  # which would say so, too
@@ -62,8 +62,8 @@ def test_no_name_where_what_predicts_best_is_at_the_end_of_what_is_known(monkeyp
     best, most = search.best_predicting, 1.0 if end else 1.01
     found_s = []
 
-    def watched(entries, covariance, runs):
-        adopted = best(entries, covariance, runs)
+    def watched(entries, covariance, runs, levelled):
+        adopted = best(entries, covariance, runs, levelled)
         found_s.extend(params[seconds.name] for effect, params in adopted if effect.name == "delay")
         short = replace(delay, parameters=(replace(seconds, high=most * found_s[-1]),)) if found_s else delay
         return tuple((short, params) if effect.name == "delay" else (effect, params) for effect, params in adopted)

@@ -81,7 +81,7 @@ class Fit:
     @property
     def has_history(self) -> bool:
         """As of its terms."""
-        return self.terms.has_history
+        return any(goes_on_between_records(effect) for effect, _ in self.entries)
 
     @property
     def entries(self) -> tuple[SizedEffect, ...]:

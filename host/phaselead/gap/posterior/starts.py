@@ -78,7 +78,7 @@ class Starts:
         for run in runs:
             coefficients = self._of_run(run, groups)
             found.append(coefficients.astype(np.float32))
-            levels.append(coefficients[0])
+            levels.append(coefficients[0].copy())  # and not the whole of it
         for of_run, level in zip(found, about_their_sessions(runs, levels), strict=True):
             of_run[0] = level
         return found
