@@ -118,7 +118,7 @@ class Weighed:
     def fit(self, entries):
         names = tuple(sorted(effect.name for effect, _ in entries))
         return SimpleNamespace(
-            entries=tuple(entries), names=names, has_history=False, log_evidence=self.evidence.get(names, 0.0)
+            entries=tuple(entries), names=names, log_evidence=self.evidence.get(names, 0.0), levels=lambda held_out: 0.0
         )
 
 

@@ -50,7 +50,7 @@ def test_a_step_that_may_go_on_is_tied_with_a_drift():
     parts = [[replace(r, mean_um=r.mean_um + 0.005 * (r.t_s > 20) * (r.t_s - 60)) for r in part]
              for part in records(3.0, 0.0, 0.05, 1)]  # fmt: skip
     assert set(best_explained(session_shifts(*parts))) == {"offset", "thermal_drift"}
-    assert best_explained(session_shifts(*parts, none_goes_on=True)) == ("offset",)
+    assert best_explained(session_shifts(*parts, none_drifts=True)) == ("offset",)
 
 
 @given(st.integers(0, 10**6), st.floats(0.001, 0.1), st.sampled_from([-1, 1]))
@@ -59,7 +59,7 @@ def test_a_drift_that_has_begun_before_is_no_step(seed, scatter_um, sign):
     shifts = session_shifts(*records(300 * scatter_um * sign, 2 * sign * scatter_um, scatter_um, seed))
     assert best_explained(shifts) == ("thermal_drift",)
     surely = session_shifts(
-        *records(300 * scatter_um * sign, 2 * sign * scatter_um, scatter_um, seed), none_goes_on=True
+        *records(300 * scatter_um * sign, 2 * sign * scatter_um, scatter_um, seed), none_drifts=True
     )
     assert "offset" not in best_explained(surely)
     assert abs(shifts["thermal_drift"].amount - 2 * sign * scatter_um) < 4 * shifts["thermal_drift"].half

@@ -95,7 +95,7 @@ class _MovedZero:
 def _moved_zero(final: FinalFit, effects: Sequence[Effect], claimed: set[str], none_drifts: bool) -> _MovedZero:
     """Test for a zero that moved between the sessions."""
     offsets = final.offsets("reference"), final.offsets("train"), final.offsets("holdout")
-    shifts = session_shifts(*offsets, final.unexplained_um, none_goes_on=none_drifts)
+    shifts = session_shifts(*offsets, final.unexplained_um, none_drifts=none_drifts)
     # What is slow and was named may shift the records as well.
     slow = any(effect.slow and effect.name in claimed for effect in effects)
     shifted = () if slow else best_explained(shifts)
@@ -134,7 +134,8 @@ def _moved_back(names: Sequence[str], shifts: Mapping[str, Shift]) -> str:
 def _elsewhere(names: Sequence[str], shifts: Mapping[str, Shift]) -> str:
     """What to say of shifts that driven records show and records at rest do not."""
     return (
-        f"driven {_standing_off(names, shifts)}, and those at rest otherwise: the zero moved, or what the stage answers"
+        f"driven {_standing_off(names, shifts)}, but those at rest by another amount: either the zero moved or the "
+        "stage answers otherwise"
     )
 
 

@@ -93,10 +93,10 @@ def session_shifts(
     holdout: Sequence[RecordOffset],
     unexplained_um: float = 0.0,
     *,
-    none_goes_on: bool = False,
+    none_drifts: bool = False,
 ) -> Mapping[str, Shift]:
     """A step and a drift, each by the name of the effect it would be. A drift that goes on beyond any step refutes the
-    step by itself; where the search has found that none goes on within a session (``none_goes_on``), only one that is
+    step by itself; where the search has found that none goes on within a session (``none_drifts``), only one that is
     sure. What is unexplained of the records about their means, rms, may shift these too.
 
     Empty where the records do not suffice: driven ones of both sessions, and ones at rest of both, since anything that
@@ -122,7 +122,7 @@ def session_shifts(
         _shift(before, later, held, at_rest, began_s, unexplained_um, tolerated, beyond_step=b) for b in (False, True)
     )
     found[drift] = alone
-    goes_on = beyond.sure or (beyond.chance < ERROR_RATE and not none_goes_on)
+    goes_on = beyond.sure or (beyond.chance < ERROR_RATE and not none_drifts)
     if goes_on and not (alone.sure and alone.left_um2 <= DISTINCT * beyond.left_um2):
         # Not a step alone; which of the two there is, or both, only a sure drift tells.
         back, stepped = _moves_back(beyond.amount, at_rest), found[step].sure

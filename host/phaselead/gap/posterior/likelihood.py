@@ -43,7 +43,7 @@ from phaselead.gap.posterior.missed import (
 )
 from phaselead.gap.posterior.moments import Amounts, Moments, Normal, SharedProducts, together
 from phaselead.gap.posterior.priors import Prior, prior_of
-from phaselead.gap.posterior.sets import Fit, Settled, Terms, confused
+from phaselead.gap.posterior.sets import Fit, Settled, Terms, confused, has_history
 from phaselead.gap.posterior.still_moving import likeliest_moving, log_sum_over_records
 from phaselead.record import Samples
 
@@ -216,7 +216,7 @@ class Likelihood:
         missed = missed_um2(np.array(shares)[:, None], terms.signal, terms.of_material)
         of_base = np.array(TIMES_BASE)[:, None] ** 2 * self.base
         found = np.asarray(self.noise + of_base + missed[:, None])
-        if terms.has_history or not terms.levels_say:
+        if has_history(terms.entries) or not terms.levels_say:
             found[..., self._is_level] = ANYWHERE_UM2
         return found
 

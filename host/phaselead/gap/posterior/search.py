@@ -14,7 +14,7 @@ from phaselead.gap.posterior.detectable import detectable
 from phaselead.gap.posterior.expected import expected_of
 from phaselead.gap.posterior.likelihood import Likelihood
 from phaselead.gap.posterior.priors import log_prior_of_set
-from phaselead.gap.posterior.sets import Fit, Names, confused, names_of
+from phaselead.gap.posterior.sets import Fit, Names, confused, has_history, names_of
 from phaselead.gap.posterior.starts import Start, Starts
 from phaselead.gap.regressors import base_columns
 from phaselead.gap.residual import ModelledRun
@@ -57,7 +57,7 @@ class Contest:
         """Of a set. Where records stand speaks neither for nor against effects that go on between them, as nobody
         knows how: a set of such is granted as much as that brings to any other."""
         fit = self.fits[names]
-        return fit.log_evidence + self._granted(fit, "log_levels")
+        return fit.log_evidence + self._granted(fit, held_out=True)
 
     def log_posterior(self, names: Names) -> float:
         """Log evidence and log prior of a set."""
@@ -66,14 +66,14 @@ class Contest:
     def log_posterior_fitted(self, names: Names) -> float:
         """The same without the held-out records."""
         fit = self.fits[names]
-        log_evidence = fit.log_evidence_fitted + self._granted(fit, "log_levels_fitted")
+        log_evidence = fit.log_evidence_fitted + self._granted(fit, held_out=False)
         return log_evidence + log_prior_of_set(len(names), self.catalogue_size)
 
-    def _granted(self, fit: Fit, levels: str) -> float:
-        if not fit.has_history:
+    def _granted(self, fit: Fit, *, held_out: bool) -> float:
+        if not has_history(fit.entries):
             return 0.0
-        others = [getattr(one, levels) for one in self.fits.values() if not one.has_history]
-        return float(max(others, default=0.0) - getattr(fit, levels))
+        others = [one.levels(held_out) for one in self.fits.values() if not has_history(one.entries)]
+        return max(others, default=0.0) - fit.levels(held_out)
 
 
 def likelihood_of(runs: Sequence[ModelledRun], base_may_be_off: bool = False, open_plays: bool = False) -> Likelihood:

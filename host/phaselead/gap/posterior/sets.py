@@ -48,11 +48,6 @@ class Terms:
     settled: dict[tuple[float, bool], Settled] = field(default_factory=dict)
     """Where what is integrated out settles, by share and whether held-out records counted, once found."""
 
-    @property
-    def has_history(self) -> bool:
-        """Whether where records stand depends on what went on between them, which no record shows."""
-        return any(goes_on_between_records(effect) for effect, _ in self.entries)
-
     def where_moving(self, moving: Samples) -> Terms:
         """The same where of what had been done before only this (runs, b) still goes on."""
         return replace(self, moments=self.moments.where_moving(moving), settled={})
@@ -78,10 +73,9 @@ class Fit:
     log_levels_fitted: float = 0.0
     """The same without the held-out records."""
 
-    @property
-    def has_history(self) -> bool:
-        """As of its terms."""
-        return any(goes_on_between_records(effect) for effect, _ in self.entries)
+    def levels(self, held_out: bool) -> float:
+        """What the levels of all records bring to the log evidence, with the held-out ones or without."""
+        return self.log_levels if held_out else self.log_levels_fitted
 
     @property
     def entries(self) -> tuple[SizedEffect, ...]:
@@ -97,6 +91,11 @@ class Fit:
 def goes_on_between_records(effect: Effect) -> bool:
     """Whether it is so slow that what it had done before a record shows in where that stands."""
     return effect.slow and effect.before_record is not None
+
+
+def has_history(entries: Sequence[SizedEffect]) -> bool:
+    """Whether where records stand depends on what went on between them, which no record shows."""
+    return any(goes_on_between_records(effect) for effect, _ in entries)
 
 
 def names_of(entries: Sequence[SizedEffect]) -> Names:
