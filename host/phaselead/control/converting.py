@@ -74,7 +74,7 @@ def _is_readable(header: dict[str, Any]) -> bool:
         header["session"].to_bytes(8, "little")
     except (KeyError, AttributeError, TypeError, ValueError, OverflowError, LinkError):
         return False
-    return isinstance(header.get("stage"), str)
+    return isinstance(header.get("stage"), str) and isinstance(header.get("tick_0_unix_s"), int | float | None)
 
 
 def convert(path: str, output: str, capture: Capture | None = None) -> dict[str, Any]:
@@ -174,4 +174,5 @@ def _broken_off(journal: JournalReader, stage: Stage | None) -> Capture:
         command_log=[],
         events=[],
         status=wire.StatusReply.unpack(bytes(wire.StatusReply.SIZE)),
+        tick_0_unix_s=header.get("tick_0_unix_s"),
     )

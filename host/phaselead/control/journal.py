@@ -176,6 +176,7 @@ def journal_header(device: Device, mode: str, stage: Stage | None) -> dict[str, 
         "schema_fingerprint": wire.FINGERPRINT,
         "hello": device.hello.pack().hex(),
         "session": device.session.nonce,
+        "tick_0_unix_s": device.session.tick_0_unix_s,
         "mode": mode,
         "stage": stage_text(stage) if stage is not None else "",
     }

@@ -415,6 +415,7 @@ def _capture(run: _Run, hello: wire.HelloReply, progress: Progress | None) -> Ca
         command_log=session.log if isinstance(session.log, list) else [],
         events=session.events,
         status=status,
+        tick_0_unix_s=session.tick_0_unix_s,
         rows_end=first.tick + sum(rows) * plan.decimation,
     )
     if status.state == wire.State.FAULT:

@@ -19,7 +19,7 @@ from phaselead.device.quantities import TICK_HZ, converters
 from phaselead.device.status import name_of, target_of
 from phaselead.device.stream import AxisStream, Capture, Gap, Stream
 from phaselead.errors import BadInput
-from phaselead.record import AxisRecord, Recording, Samples, read_hdf5, write_hdf5
+from phaselead.record import AxisRecord, Recording, Samples, read_hdf5, t0_facts, write_hdf5
 
 RAIL_CODES = np.array([0, 65535], np.uint16)
 CHANNELS = tuple(field.name for field in fields(AxisStream))
@@ -57,6 +57,7 @@ def recording_of(
         "dropped_ticks": capture.stream.dropped_ticks,
         "missing_ticks": capture.missing,
         "start_tick": capture.start_tick,
+        **t0_facts(capture.tick_0_unix_s, first / TICK_HZ),
         "rails_um": {name: calibration[name].x_um(RAIL_CODES).tolist() for name in records},
     }
     if capture.status.state == wire.State.FAULT:
@@ -108,6 +109,7 @@ def replay_facts(capture: Capture) -> dict[str, Any]:
         "dropped_ticks": capture.stream.dropped_ticks,
         "gaps": [[gap.first_tick, gap.ticks] for gap in capture.gaps],
         "status": capture.status.pack(),
+        **({} if capture.tick_0_unix_s is None else {"tick_0_unix_s": capture.tick_0_unix_s}),
         "events": [event.pack() for event in capture.events],
     }
     return facts | ({} if capture.model is None else {"model": capture.model})
@@ -163,4 +165,5 @@ def _capture(device: dict[str, Any], replay: dict[str, Any]) -> Capture:
         command_log=list(zip((int(tick) for tick in replay["command_ticks"]), frames, strict=True)),
         events=[wire.Event.unpack(event) for event in replay["events"]],
         status=wire.StatusReply.unpack(replay["status"]),
+        tick_0_unix_s=replay.get("tick_0_unix_s"),
     )

@@ -15,6 +15,7 @@ import serial
 from phaselead import interrupt
 from phaselead.device import wire
 from phaselead.device.framing import CRC_SIZE, FrameReader, encode_frame
+from phaselead.device.quantities import TICK_HZ
 from phaselead.device.status import target_of
 from phaselead.errors import DeviceRefused, LinkError
 from phaselead.serial_ports import Port
@@ -149,6 +150,8 @@ class Session:
         self._piece = LARGEST_PIECE
         self._tick = 0
         """The last one that a reply has named."""
+        self.tick_0_unix_s: float | None = None
+        """Unix time of the device's tick 0, by our clock when it said hello; None before, and of a virtual port."""
 
     @property
     def virtual(self) -> bool:
@@ -188,6 +191,7 @@ class Session:
         if payload[:1] == bytes([wire.Status.OK]) and (why := self._why_another_wire(payload)):
             raise LinkError(why)
         reply: wire.HelloReply = self._reply(pending)
+        self.tick_0_unix_s = None if self.virtual else time.time() - reply.tick / TICK_HZ
         return reply
 
     def _why_another_wire(self, payload: bytes) -> str:

@@ -95,6 +95,8 @@ class Capture:
     events: list[wire.Event]
     status: wire.StatusReply
     """Of the end, before the stream was stopped."""
+    tick_0_unix_s: float | None = None
+    """Unix time of tick 0; None where no clock is known."""
     rows_end: int = 0
     """First tick beyond the last row that the device took or dropped."""
 

@@ -15,7 +15,7 @@ from phaselead.device.quantities import TICK_HZ
 from phaselead.device.status import name_of, target_of
 from phaselead.device.stream import AXES
 from phaselead.errors import BadInput, DeviceRefused, LinkError
-from phaselead.record import AxisRecord, Recording
+from phaselead.record import AxisRecord, Recording, t0_facts
 from phaselead.result import Facts
 
 ENTRIES = 400
@@ -137,5 +137,6 @@ def _recording(device: Device, head: wire.TransientReadReply, entries: NDArray[A
         "trigger_tick": head.trigger_tick,
         "missing_ticks": int(missing.sum()) // head.decimation,
         "gaps": gaps,
+        **t0_facts(device.session.tick_0_unix_s, head.trigger_tick / TICK_HZ),
     }
     return Recording(since / TICK_HZ, axes, source=f"{meta['trigger']} at tick {head.trigger_tick}", meta=meta)

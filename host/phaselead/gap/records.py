@@ -12,6 +12,7 @@ from typing import Literal, NoReturn
 import numpy as np
 
 from phaselead.errors import BadInput
+from phaselead.gap.one_clock import on_one_clock
 from phaselead.identify import DRIVEN_SHARE, SAME_RATE, STILL_V, AxisRun, SineDrive
 from phaselead.model import Stage
 from phaselead.record import AxisRecord, Recording, Samples, refuse_clipped, refuse_gapped, same_measurement, times_in
@@ -122,6 +123,7 @@ def axis_runs(
     for records, what in ((train, "training"), (holdout, "held-out"), (reference, "reference")):
         for i, record in enumerate(records):
             refuse_overlap(records[:i], [record], what, what)
+    train, holdout, reference = on_one_clock(train, holdout, reference)
     parts: list[tuple[Role, Sequence[Recording]]] = [("train", train), ("holdout", holdout), ("reference", reference)]
     for _, records in parts:
         for record in records:

@@ -29,6 +29,7 @@ from phaselead.record.read import read_recording, refuse_map_of_some, scored_alo
 from phaselead.record.recording import Recording, Recordings, facts_of
 from phaselead.record.sampled import SampledResult
 from phaselead.record.units import factors_moved, gains_moved, in_another_unit, unit_remedy
+from phaselead.record.wall_clock import t0_facts, t0_unix_s
 
 __all__ = [
     "AXES",
@@ -82,6 +83,8 @@ __all__ = [
     "seem_exchanged",
     "slow_gain",
     "split_argument",
+    "t0_facts",
+    "t0_unix_s",
     "times_in",
     "unit_remedy",
     "write_csv",

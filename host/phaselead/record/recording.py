@@ -14,6 +14,7 @@ from phaselead.record.axis_record import AxisRecord, Samples
 from phaselead.record.columns import columns_of
 from phaselead.record.digest import Source, samples_sha256
 from phaselead.record.sampled import SampledResult
+from phaselead.record.wall_clock import T0_UTC
 from phaselead.result import Result, Table, pairs_table
 
 if TYPE_CHECKING:
@@ -184,7 +185,7 @@ def facts_of(
     }
     for name, (low, high) in ranges.items():
         facts |= {name.format("min"): low, name.format("max"): high}
-    told = ("target", "build_id", "mode", "dropped_ticks", "missing_ticks", "gaps", "ended")
+    told = (T0_UTC, "target", "build_id", "mode", "dropped_ticks", "missing_ticks", "gaps", "ended")
     return facts | {key: meta[key] for key in told if key in meta}
 
 

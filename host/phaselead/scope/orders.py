@@ -12,6 +12,7 @@ from phaselead.control import HOST_TIMEOUT_S, MODES, best_mode, gains_of, loop_o
 from phaselead.device import TICK_HZ
 from phaselead.errors import BadInput
 from phaselead.model import Stage, load_stage
+from phaselead.record import t0_facts
 from phaselead.scope.hub import Hub, Order
 from phaselead.scope.jobs import JOBS
 from phaselead.scope.saving import save
@@ -201,7 +202,8 @@ def save_samples(hub: Hub, given: Arguments) -> str:
     ticks = min(ticks, hub.samples.end - hub.samples.begin)
     first = shot.first_tick if shot else hub.samples.end - ticks
     zero = shot.trigger_tick if shot else first
-    recording = save(hub.samples, first, ticks, zero, hub.folder / name, {"scope_state": state})
+    facts = {"scope_state": state} | t0_facts(hub.dev.device.session.tick_0_unix_s, zero / TICK_HZ)
+    recording = save(hub.samples, first, ticks, zero, hub.folder / name, facts)
     hub.new_file(name)
     lacks = recording.meta["missing_ticks"]
     return f"saved {len(recording.t_s)} ticks to {hub.folder / name}" + (f", {lacks} are missing" if lacks else "")
