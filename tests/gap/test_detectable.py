@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 from types import SimpleNamespace as Made
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from test_gap_laws import HIDDEN, parts
 from test_posterior_likelihood import Toy
 
 from phaselead.gap.findings import Bound, Detectable
-from phaselead.gap.posterior.detectable import MOST_STATED, Shapes, _Expected, detectable
+from phaselead.gap.posterior.detectable import MOST_STATED, TRIED, Products, Shapes, _Expected, _least, detectable
 from phaselead.gap.posterior.missed import MOST_MISSED, SHARES
 from phaselead.gap.posterior.priors import KNOWN_BEFORE, SIZES
 from phaselead.gap.posterior.starts import at_all_sizes
@@ -82,11 +85,44 @@ def test_a_size_that_is_never_near_enough_is_stated_as_far_as_it_was_followed():
     assert _Expected._told(lambda times: np.inf, 1.0, 0.0) == np.inf
 
 
+@given(st.integers(0, len(TRIED) - 1))
+def test_the_first_size_at_which_something_is_told_is_found_among_all_that_are_tried(first):
+    assert _least(lambda times: times >= TRIED[first]) == TRIED[first]
+
+
+def test_what_is_told_nowhere_has_no_first_size():
+    assert _least(lambda times: times < 0) == np.inf
+
+
+@given(st.integers(1, 6), st.integers(0, 999))
+def test_products_of_columns_are_those_of_their_parts(k, seed):
+    """Of any columns, beside themselves, others and the shared ones."""
+    likelihood = Toy(1).likelihood
+    rng = np.random.default_rng(seed)
+    shared = [rng.normal(size=(run.edges[-1], 3)) for run in likelihood.runs]
+    drawn = [rng.normal(size=(run.edges[-1], k)) for run in likelihood.runs]
+    products = Products(replace(likelihood, shared=tuple(shared)), Shapes((), ()))
+    all_at_once = products.columns([np.concatenate(pair, axis=1) for pair in zip(shared, drawn, strict=True)])
+    apart = products.columns(drawn)
+    np.testing.assert_allclose(apart.own, all_at_once.own[:, 3:, 3:])
+    np.testing.assert_allclose(apart.beside_shared, all_at_once.own[:, :3, 3:])
+    one, other = apart.one(0), products.columns(shared)
+    np.testing.assert_allclose(products.across(other, one), all_at_once.own[:, :3, 3:4])
+    assert products.across(one, one) is one.own
+
+
 def test_what_is_told_at_no_size_is_left_out(monkeypatch):
     monkeypatch.setattr(_Expected, "__init__", lambda *_: None)
     monkeypatch.setattr(_Expected, "size", lambda *_: np.inf)
     shapes = Shapes(regressor_groups([catalogue()["delay"]], 2e-4, 1.0), ())
     assert detectable(None, shapes, 1.0) == {}
+
+
+def expecting(products):
+    """Of columns that stand for no effect of a catalogue."""
+    expected = _Expected.__new__(_Expected)
+    expected._products, expected._likelihood, expected._of_material = products, products.likelihood, False
+    return expected
 
 
 def test_beyond_its_range_an_effect_is_taken_to_grow_from_its_end():
@@ -95,11 +131,12 @@ def test_beyond_its_range_an_effect_is_taken_to_grow_from_its_end():
     (group,) = regressor_groups([catalogue()["delay"]], 1e-3, 1.0)
     size = group.effect.sizes[0]
     column = run.coefficients(run.modelled.columns["delay"][:, None] * group.steps[0] / size.typical)
-    expected = _Expected.__new__(_Expected)
-    expected._shapes, expected._likelihood = Shapes([group], [column]), Made(runs=[run])
+    likelihood = Made(runs=[run], shared=[np.zeros((len(column), 0))])
+    expected = expecting(Products(likelihood, Shapes([group], [column])))
     end = size.high / group.steps[0]
     for times in (0.5 * end, end, 20 * end):
-        np.testing.assert_allclose(expected._simulated(0, times)[0], column, rtol=1e-6)
+        (simulated,) = expected._simulated("delay", 0, times).of_runs
+        np.testing.assert_allclose(simulated, column, rtol=1e-6)
 
 
 @pytest.mark.parametrize("references", [1, 2, 5])
@@ -111,11 +148,8 @@ def test_it_is_told_however_much_of_it_the_base_may_lack_in_all_records(referenc
     v, counted = toy.likelihood.noise + base, toy.likelihood.counted_beside
     everywhere = [run.coefficients(run.modelled.columns["gain_change"][:, None]) for run in runs]
     column = [one * run.changed for run, one in zip(runs, everywhere, strict=True)]
-    expected = _Expected.__new__(_Expected)
-    expected._likelihood, expected._of_material = toy.likelihood, False
-    expected._without_um2 = v / counted(base)
-    asked = 12.0
-    found = expected._times(column, [everywhere], [1e3], asked)
+    products, asked = Products(toy.likelihood, Shapes((), ())), 12.0
+    found = expecting(products)._times(products.columns(column), [products.columns(everywhere)], [1e3], asked)
 
     def powers(columns):
         return [run.products(one, one)[:, 0, 0] for run, one in zip(runs, columns, strict=True)]

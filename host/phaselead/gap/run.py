@@ -23,7 +23,7 @@ from phaselead.gap.search import Progress
 from phaselead.gap.several_axes import search_together
 from phaselead.gap.verify_on import verify_on
 from phaselead.model import Effect, Stage, catalogue
-from phaselead.record import Recording
+from phaselead.record import Recording, glitch_doubts
 
 _TRIM_THRESHOLD, _TOP_PAD, _MMAP_MAX = -1, -2, -4
 """Options of mallopt(3), as in glibc's malloc.h."""
@@ -54,7 +54,8 @@ def run_gap(
     refuse_moved_at_rest(stage, runs)
     driven = beside_model(stage, runs)
     refuse_unlike_model(driven)
-    doubts = (*scale_doubts(driven), *exchange_doubts(driven), *_provisional_doubts(stage, list(runs)))
+    of_rows = [line for record in (*train, *holdout, *reference) for line in glitch_doubts(record)]
+    doubts = (*of_rows, *scale_doubts(driven), *exchange_doubts(driven), *_provisional_doubts(stage, list(runs)))
     base_frozen = frozen if frozen is not None else bool(reference)
     effects = [effect for effect in catalogue(without).values() if not effect.of_base]
     # The matrices are small: threads that wait for each other cost ten times what they save.

@@ -11,7 +11,7 @@ from phaselead.errors import BadInput, more_like_it
 from phaselead.identify.runs import usable
 from phaselead.identify.verification import Verification, View, verification_dict, verify
 from phaselead.model import Stage, driven_far_beyond, in_other_times, out_of_scale, scale_doubt
-from phaselead.record import Recording
+from phaselead.record import Recording, glitch_doubts
 from phaselead.result import Result, Table
 
 if TYPE_CHECKING:
@@ -106,6 +106,7 @@ def judge(
     kept, left_out = usable(recordings)
     found = verify(stage, kept, view, refit_offset=refit_offset)
     doubts = [*in_other_times(stage, kept), *driven_far_beyond(stage, kept)]
+    doubts += [line for record in kept for line in glitch_doubts(record)]
     doubts += [*_out_of_scale(found), *_about_starts(found)]
     return Verifications(found, view, model, stage.sha256, left_out, doubts)
 

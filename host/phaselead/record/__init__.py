@@ -19,6 +19,7 @@ from phaselead.record.gathering import (
     gather_one,
     gather_parts,
 )
+from phaselead.record.glitches import glitch_doubts
 from phaselead.record.growing import Hdf5Parts, hdf5_in_parts
 from phaselead.record.hdf5 import read_hdf5, write_hdf5
 from phaselead.record.importing import Imported, import_files, import_names
@@ -62,6 +63,7 @@ __all__ = [
     "gather",
     "gather_one",
     "gather_parts",
+    "glitch_doubts",
     "hdf5_in_parts",
     "import_files",
     "import_names",

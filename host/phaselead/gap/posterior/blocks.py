@@ -243,16 +243,18 @@ def levels_say(runs: Sequence[GapRun]) -> bool:
     return told and not roles_at_one_time(runs)
 
 
-def about_their_sessions(runs: Sequence[BlockedRun], coefficients: Sequence[Samples]) -> list[Samples]:
+def about_their_sessions(runs: Sequence[BlockedRun], coefficients: Sequence[NDArray[np.floating]]) -> list[Samples]:
     """First coefficients (k,) of columns in each run, those that are levels about their mean in each session: what a
     clock says and where a zero was set are no part of them."""
     sessions = [run.modelled.run.role if run.levelled else None for run in runs]
     pairs = list(zip(sessions, coefficients, strict=True))
     means = {of: np.mean([one for session, one in pairs if session == of], axis=0) for of in {*sessions} - {None}}
-    return [one - means[session] if session else one for session, one in pairs]
+    return [np.asarray(one - means[session] if session else one, np.float64) for session, one in pairs]
 
 
-def with_levels_about_their_sessions(runs: Sequence[BlockedRun], coefficients: Sequence[Samples]) -> list[Samples]:
+def with_levels_about_their_sessions(
+    runs: Sequence[BlockedRun], coefficients: Sequence[NDArray[np.floating]]
+) -> list[Samples]:
     """All coefficients (n, k) of columns in each run, the levels among them about their mean in each session."""
     firsts = about_their_sessions(runs, [of_run[0] for of_run in coefficients])
     pairs = zip(coefficients, firsts, strict=True)

@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property, partial
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,12 +32,14 @@ NEAR_ENOUGH = 1.25
 """Ratio of the sizes of two rounds that ends them."""
 FURTHER = 10.0
 """Ratio of the next size to one at which nothing shows."""
-TRIED = np.geomspace(1e-5, 1e3, 500)
+TRIED = np.geomspace(1e-5, 1e3, 501)
 """Typical sizes."""
+STRIDE = 20
+"""Of the sizes tried, how many lie between those that are tried first: a factor of 2.1."""
 MOST_STATED = 10.0
 """Typical sizes beyond which nobody asks."""
 
-Coefficients = Sequence[Samples]
+Coefficients = Sequence[NDArray[np.floating]]
 """Per run those (n, k) of k columns."""
 
 
@@ -53,10 +56,57 @@ class Shapes:
         named = [(i, group) for i, group in enumerate(self.groups) if group.effect.name == name]
         return [i for i, group in named if group.steps == typical_sizes(group.effect)]
 
-    def first(self, index: int) -> Coefficients:
-        """(n, 1) of the first size of a group."""
-        at = sum(len(group.steps) for group in self.groups[:index])
-        return [columns[:, [at]].astype(np.float64) for columns in self.columns]
+    def first(self, indices: Sequence[int]) -> Coefficients:
+        """The first sizes of some groups."""
+        ends = np.cumsum([0, *(len(group.steps) for group in self.groups)])
+        return [columns[:, ends[list(indices)]] for columns in self.columns]
+
+
+@dataclass(frozen=True, eq=False)
+class Columns:
+    """What effects add to all records, k columns, and what it is beside itself and the shared columns."""
+
+    of_runs: Coefficients
+    own: Samples
+    """(blocks, k, k) mean products."""
+    beside_shared: Samples
+    """(blocks, shared, k) the same with the shared columns."""
+
+    @property
+    def count(self) -> int:
+        """k"""
+        return int(self.own.shape[1])
+
+    def one(self, which: int) -> Columns:
+        """One of them."""
+        at = slice(which, which + 1)
+        return Columns([of_run[:, at] for of_run in self.of_runs], self.own[:, at, at], self.beside_shared[:, :, at])
+
+
+class Products:
+    """Mean products, block by block, of what effects add to the records of a likelihood."""
+
+    def __init__(self, likelihood: Likelihood, shapes: Shapes) -> None:
+        self.likelihood, self.shapes = likelihood, shapes
+        self._shapes_of: dict[str, Columns] = {}
+
+    def columns(self, of_runs: Coefficients) -> Columns:
+        """Of columns."""
+        return Columns(of_runs, self._across(of_runs, of_runs), self._across(self.likelihood.shared, of_runs))
+
+    def shapes_of(self, name: str) -> Columns:
+        """The first size of every shape of an effect, worked out once."""
+        if name not in self._shapes_of:
+            self._shapes_of[name] = self.columns(self.shapes.first(self.shapes.of(name)))
+        return self._shapes_of[name]
+
+    def across(self, left: Columns, right: Columns) -> Samples:
+        """(blocks, k, q) of two."""
+        return left.own if left is right else self._across(left.of_runs, right.of_runs)
+
+    def _across(self, left: Coefficients, right: Coefficients) -> Samples:
+        parts = zip(self.likelihood.runs, left, right, strict=True)
+        return np.concatenate([run.products(np.asarray(a, float), np.asarray(b, float)) for run, a, b in parts])
 
 
 def detectable(likelihood: Likelihood, shapes: Shapes, log_odds: float) -> dict[str, float]:
@@ -64,10 +114,10 @@ def detectable(likelihood: Likelihood, shapes: Shapes, log_odds: float) -> dict[
     ``MOST_STATED`` typical ones. ``log_odds`` are asked against nothing, those of a name against each effect it
     is confused with."""
     effects = {group.effect.name: group.effect for group in shapes.groups}
-    found = {}
+    products, found = Products(likelihood, shapes), {}
     for name, effect in effects.items():
         rivals = [other for other, one in effects.items() if confused(effect, one)]
-        size = _Expected(likelihood, shapes, name).size(rivals, log_odds)
+        size = _Expected(products, name).size(rivals, log_odds)
         if size <= MOST_STATED * effect.sizes[0].typical:
             found[name] = size
     return found
@@ -76,24 +126,22 @@ def detectable(likelihood: Likelihood, shapes: Shapes, log_odds: float) -> dict[
 class _Expected:
     """What is expected of the records with one effect in them."""
 
-    def __init__(self, likelihood: Likelihood, shapes: Shapes, name: str) -> None:
-        self._likelihood, self._shapes = likelihood, shapes
-        # Of a block that counts as so many coefficients, as if it were one.
-        self._without_um2 = (likelihood.noise + likelihood.base) / likelihood.counted_beside(likelihood.base)
-        mine = shapes.of(name)
-        self._of_material = bool(is_of_material([self._entry(mine[0], 1.0)])[0])
-        likely = np.exp([prior_of([self._entry(i, 1.0)]).log_density for i in mine])
-        needed = np.array([self._times(self._first(i), [], [], 1.0) for i in mine])
+    def __init__(self, products: Products, name: str) -> None:
+        self._products, self._likelihood, self._name = products, products.likelihood, name
+        mine = products.shapes.of(name)
+        self._of_material = bool(is_of_material([self._entry(self._group(name, 0), 1.0)])[0])
+        likely = np.exp([prior_of([self._entry(self._group(name, i), 1.0)]).log_density for i in range(len(mine))])
+        needed = np.array([self._times(self._first(name, i), [], [], 1.0) for i in range(len(mine))])
         order = np.argsort(needed)
         half = int(np.searchsorted(np.cumsum(likely[order]), 0.5 * likely.sum()))
-        self._index = mine[order[min(half, len(mine) - 1)]]
+        self._shape = int(order[min(half, len(mine) - 1)])
 
     def size(self, rivals: Sequence[str], log_odds: float) -> float:
         """In the effect's unit; infinite where no size that was tried shows it."""
         found = self._told(partial(self._alone, log_odds), 1.0, 0.0)
         for rival in rivals:
             found = self._told(partial(self._past, rival), found, found)
-        return float(found * self._shapes.groups[self._index].steps[0])
+        return float(found * self._group(self._name, self._shape).steps[0])
 
     @staticmethod
     def _told(needed: Callable[[float], float], times: float, least: float) -> float:
@@ -110,83 +158,92 @@ class _Expected:
             times = ahead if low < ahead < high else float(np.sqrt(low * high))
         return high if np.isfinite(high) else found
 
-    def _entry(self, index: int, times: float) -> SizedEffect:
+    def _group(self, name: str, shape: int) -> RegressorGroup:
+        """One of the shapes of an effect."""
+        shapes = self._products.shapes
+        return shapes.groups[shapes.of(name)[shape]]
+
+    def _entry(self, group: RegressorGroup, times: float) -> SizedEffect:
         """So many times the first typical size of a group alone."""
-        group = self._shapes.groups[index]
         params = group.params([times, *np.zeros(len(group.steps) - 1).tolist()])
         return group.effect, bounded(group.effect, params)
 
-    def _simulated(self, index: int, times: float) -> Coefficients:
+    @cached_property
+    def _simulated(self) -> Callable[[str, int, float], Columns]:
+        """What an effect in one of its shapes adds, worked out once for each size."""
+        return cache(self._simulated_at)
+
+    def _simulated_at(self, name: str, shape: int, times: float) -> Columns:
         """What so many times the first typical size adds, for one typical size; any times as much where an effect is
         linear in its sizes. Beyond the range of a size the largest in it is simulated."""
-        typical = self._first(index)
-        if self._shapes.groups[index].effect.basis is not None:
+        typical, group = self._first(name, shape), self._group(name, shape)
+        if group.effect.basis is not None:
             return typical
-        runs = zip(self._likelihood.runs, typical, strict=True)
-        effect, params = entry = self._entry(index, times)
-        simulated = params[effect.sizes[0].name] / self._shapes.groups[index].steps[0]
+        effect, params = entry = self._entry(group, times)
+        simulated = params[effect.sizes[0].name] / group.steps[0]
+        runs = zip(self._likelihood.runs, typical.of_runs, strict=True)
         found = [_added(run, entry) / simulated if run.changed and simulated else column for run, column in runs]
-        return with_levels_about_their_sessions(self._likelihood.runs, found)
+        return self._products.columns(with_levels_about_their_sessions(self._likelihood.runs, found))
 
     @cached_property
-    def _first(self) -> Callable[[int], Coefficients]:
-        """The first size of a group, worked out once."""
-        return cache(self._shapes.first)
+    def _first(self) -> Callable[[str, int], Columns]:
+        """The first size of an effect in one of its shapes."""
+        return cache(lambda name, shape: self._products.shapes_of(name).one(shape))
 
     @cached_property
-    def _everywhere(self) -> Coefficients:
+    def _across(self) -> Callable[[Columns, Columns], Samples]:
+        """Products of two, worked out once."""
+        return cache(self._products.across)
+
+    @cached_property
+    def _everywhere(self) -> Columns:
         """The first size of the effect where the base lacks it in all records."""
-        entry, found = self._entry(self._index, 1.0), []
-        for run, column in zip(self._likelihood.runs, self._first(self._index), strict=True):
+        entry, found = self._entry(self._group(self._name, self._shape), 1.0), []
+        for run, column in zip(self._likelihood.runs, self._first(self._name, self._shape).of_runs, strict=True):
             found.append(column if run.changed else _added(run, entry))
-        return with_levels_about_their_sessions(self._likelihood.runs, found)
+        return self._products.columns(with_levels_about_their_sessions(self._likelihood.runs, found))
 
     def _alone(self, log_odds: float, times: float) -> float:
         """The multiple from which it is told from nothing and from a fault of the base in all records, as far as it
         shows simulated at about this one."""
-        column = self._simulated(self._index, times)
+        column = self._simulated(self._name, self._shape, times)
         return self._times(column, [self._everywhere], [times], log_odds, priced=True)
 
     def _past(self, rival: str, times: float) -> float:
         """The same from a rival."""
-        column, theirs = self._simulated(self._index, times), self._shapes.of(rival)
-        columns = [self._first(i) for i in theirs]
-        best = int(np.argmax([self._along(one, column) for one in columns]))
-        amount = times * self._matched(columns[best], column)
-        others = [self._everywhere, self._simulated(theirs[best], amount), *(columns if len(columns) > 1 else [])]
+        column, shapes = self._simulated(self._name, self._shape, times), self._products.shapes_of(rival)
+        weights = 1 / self._without_um2
+        squares = np.maximum(weights @ np.diagonal(shapes.own, axis1=1, axis2=2), 1e-300)
+        alike = weights @ self._across(shapes, column)[:, :, 0]
+        best = int(np.argmax(np.abs(alike) / np.sqrt(squares)))
+        theirs = self._simulated(rival, best, times * float(alike[best] / squares[best]))
+        others = [self._everywhere, theirs, *([shapes] if shapes.count > 1 else [])]
         deviations = [times, *[LARGEST] * (len(others) - 1)]
         return self._times(column, others, deviations, float(np.log(SURE / (1 - SURE))))
 
-    def _moments(self, columns: Sequence[Coefficients]) -> Samples:
-        """Mean products (blocks, k, k)."""
-        parts = zip(self._likelihood.runs, _side_by_side(columns), strict=True)
-        return np.concatenate([run.products(one, one) for run, one in parts])
+    @cached_property
+    def _without_um2(self) -> Samples:
+        """Variance of a block that counts as so many coefficients, as if it were one, without any effect."""
+        likelihood = self._likelihood
+        return np.asarray((likelihood.noise + likelihood.base) / likelihood.counted_beside(likelihood.base))
 
-    def _moments_beside_shared(self, columns: Sequence[Coefficients]) -> Samples:
-        """The same of the likelihood's shared columns and, behind them, these."""
-        likelihood, own = self._likelihood, self._moments(columns)
-        parts = zip(likelihood.runs, likelihood.shared, _side_by_side(columns), strict=True)
-        across = np.concatenate([run.products(shared, one) for run, shared, one in parts])
-        k = likelihood.among_shared.size
-        whole: Samples = np.empty((len(own), k + own.shape[1], k + own.shape[1]))
-        whole[:, :k, :k], whole[:, k:, k:] = likelihood.among_shared.whole, own
-        whole[:, :k, k:], whole[:, k:, :k] = across, across.transpose(0, 2, 1)
+    def _moments(self, several: Sequence[Columns]) -> Samples:
+        """Mean products (blocks, k, k) of the likelihood's shared columns and, behind them, these."""
+        among_shared = self._likelihood.among_shared
+        ends = [among_shared.size, *(among_shared.size + np.cumsum([one.count for one in several])).tolist()]
+        places = [slice(a, b) for a, b in pairwise(ends)]
+        whole: Samples = np.empty((len(self._without_um2), ends[-1], ends[-1]))
+        whole[:, : ends[0], : ends[0]] = among_shared.whole
+        for i, (one, at) in enumerate(zip(several, places, strict=True)):
+            beside = [one.beside_shared, *(self._across(other, one) for other in several[: i + 1])]
+            above = np.concatenate(beside, axis=1)
+            whole[:, : at.stop, at], whole[:, at, : at.stop] = above, above.transpose(0, 2, 1)
         return whole
-
-    def _matched(self, rival: Coefficients, column: Coefficients) -> float:
-        """The amount of a rival's column that is nearest to another."""
-        total = np.tensordot(1 / self._without_um2, self._moments([rival, column]), 1)
-        return float(total[0, 1] / max(total[0, 0], 1e-300))
-
-    def _along(self, rival: Coefficients, column: Coefficients) -> float:
-        """Correlation of a rival's column with another."""
-        total = np.tensordot(1 / self._without_um2, self._moments([rival, column]), 1)
-        return float(abs(total[0, 1]) / np.sqrt(max(total[0, 0] * total[1, 1], 1e-300)))
 
     def _times(
         self,
-        column: Coefficients,
-        others: Sequence[Coefficients],
+        column: Columns,
+        others: Sequence[Columns],
         deviations: Sequence[float],
         log_odds: float,
         priced: bool = False,
@@ -194,35 +251,41 @@ class _Expected:
         """The multiple at which a column is expected to bring so many log odds past others, each of which may take
         one of these deviations, and, if ``priced``, what the prior of its size costs."""
         likelihood = self._likelihood
-        moments = self._moments_beside_shared([*others, column])
-        total = np.tensordot(1 / self._without_um2, moments, 1)
-        widths, deviations = [one[0].shape[1] for one in (likelihood.shared, *others)], [1.0, *deviations]
-        precision = np.diag(np.repeat(np.array(deviations, dtype=np.float64) ** -2, widths))
-        taken = np.linalg.solve(total[:-1, :-1] + precision, total[:-1, -1])
+        moments = self._moments([*others, column])
+        widths = [likelihood.among_shared.size, *(one.count for one in others)]
+        precision = np.diag(np.repeat(np.array([1.0, *deviations], dtype=np.float64) ** -2, widths))
         # The others may also take all of it where it acts, and leave records without it as if these were outliers.
-        acting = np.tensordot(likelihood.changed / self._without_um2, moments, 1)
-        all_taken = np.linalg.solve(acting[:-1, :-1] + precision, acting[:-1, -1])
+        either = 1 / self._without_um2, likelihood.changed / self._without_um2
+        total = [np.tensordot(weights, moments, 1) for weights in either]
+        taken = [np.linalg.solve(of[:-1, :-1] + precision, of[:-1, -1]) for of in total]
+        past = [np.append(-amounts, 1.0) for amounts in taken]
+        left = [np.maximum((moments @ one) @ one, 0.0) for one in past]
         parts = np.split(moments[:, -1, -1], np.cumsum([len(run.sizes) for run in likelihood.runs])[:-1])
         power = np.concatenate([run.spread(part) for run, part in zip(likelihood.runs, parts, strict=True)])
-        squares = TRIED[:, None] ** 2
-        added = squares * power
-        variance = likelihood.noise + likelihood.base + missed_um2(SHARES[0], added, added * self._of_material)
-        n = likelihood.counted_beside(may_be_missed_um2(likelihood.base, added))
-        needed = 0.0
-        for amounts in (taken, all_taken):
-            past = np.append(-amounts, 1.0)
-            left = np.maximum((moments @ past) @ past, 0.0)
-            odds = 0.5 * (n * np.log1p(squares * left / variance)).sum(axis=1)
-            information = (n * left / (likelihood.noise + likelihood.base)).sum(axis=1)
-            asked = log_odds + (0.5 * np.log(np.maximum(information, 1.0)) if priced else 0.0)
-            enough = np.flatnonzero(odds >= asked)
-            needed = max(needed, float(TRIED[enough[0]]) if len(enough) else np.inf)
-        return needed
+
+        def told(times: Samples) -> NDArray[np.bool_]:
+            squares = times[:, None] ** 2
+            added = squares * power
+            variance = likelihood.noise + likelihood.base + missed_um2(SHARES[0], added, added * self._of_material)
+            n = likelihood.counted_beside(may_be_missed_um2(likelihood.base, added))
+            enough = np.ones(len(times), dtype=bool)
+            for one in left:
+                odds = 0.5 * (n * np.log1p(squares * one / variance)).sum(axis=1)
+                information = (n * one / (likelihood.noise + likelihood.base)).sum(axis=1)
+                enough &= odds >= log_odds + (0.5 * np.log(np.maximum(information, 1.0)) if priced else 0.0)
+            return enough
+
+        return _least(told)
 
 
-def _side_by_side(columns: Sequence[Coefficients]) -> list[Samples]:
-    """Per run those (n, k) of all of several."""
-    return [np.concatenate(of_run, axis=1) for of_run in zip(*columns, strict=True)]
+def _least(told: Callable[[Samples], NDArray[np.bool_]]) -> float:
+    """The first of the sizes tried at which something is told, by every ``STRIDE``-th first; infinite where none is."""
+    coarse = np.flatnonzero(told(TRIED[::STRIDE]))
+    if not len(coarse):
+        return np.inf
+    end = int(coarse[0]) * STRIDE
+    fine = TRIED[max(end - STRIDE + 1, 0) : end + 1]
+    return float(fine[np.flatnonzero(told(fine))[0]])
 
 
 def _added(run: BlockedRun, entry: SizedEffect) -> Samples:

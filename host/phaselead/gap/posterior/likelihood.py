@@ -344,19 +344,19 @@ class Likelihood:
         moving = terms.moments.moving
         if not moving.size:
             return self.judged(terms, share)
-        found = [self._fit_where_moving(terms, share, one, steps) for one in (moving, np.zeros_like(moving))]
-        return max(found, key=lambda fit: fit.log_evidence)
-
-    def _fit_where_moving(self, terms: Terms, share: float, moving: Samples, steps: int) -> Fit:
-        """The fit that is reached where what had been done before goes on in these records (runs, b) at first, and then
-        in those that bear it out."""
-        near = terms.where_moving(moving)
-        if not moving.all():
-            near, share, _ = self.fitted_terms(near, steps)
-        chosen, _ = self._moving(near, share)
-        if not np.array_equal(chosen, moving):
-            near, share, _ = self.fitted_terms(near.where_moving(chosen), steps)
-        return self.judged(near, share)
+        # What had been done before goes on in all records at first, or in none, and then in those that bear it out.
+        found: dict[bytes, Fit] = {}
+        for begun in (moving, np.zeros_like(moving)):
+            near, near_share = terms.where_moving(begun), share
+            if not begun.all():
+                near, near_share, _ = self.fitted_terms(near, steps)
+            chosen, _ = self._moving(near, near_share)
+            if chosen.tobytes() in found:
+                continue
+            if not np.array_equal(chosen, begun):
+                near, near_share, _ = self.fitted_terms(near.where_moving(chosen), steps)
+            found[chosen.tobytes()] = self.judged(near, near_share)
+        return max(found.values(), key=lambda fit: fit.log_evidence)
 
     def fitted_terms(self, start: Sequence[SizedEffect] | Terms, steps: int = STEPS) -> tuple[Terms, float, float]:
         """A set at its most likely parameters near those of ``start``, the share there and the log density."""
