@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -14,10 +15,11 @@ from phaselead.gap.design.excitation import SHAPES, Excitation, excitations, rep
 from phaselead.gap.design.next_experiment import chance_of_naming, passes, sensor_for
 from phaselead.gap.findings import NextExperiment
 from phaselead.gap.records import GapRun
-from phaselead.gap.residual import ModelledRun, modelled_run
+from phaselead.gap.residual import ModelledRun, modelled_run, run_from_rest
 from phaselead.gap.result import GapResult
 from phaselead.gap.run import run_gap
 from phaselead.identify.fitting import fit
+from phaselead.model import Chain
 from phaselead.model.axis import AdoptedEffect, AxisModel, Limits, TimeView
 from phaselead.model.effects import Place, catalogue, effect
 from phaselead.model.stage_file import Stage
@@ -204,6 +206,23 @@ def proposal(one: Excitation) -> NextExperiment:
     return NextExperiment(
         one.waveform, one.level_V, one.band_Hz, one.bias_V, one.seconds, 9.0, 0.9, None, one.source, one.points
     )
+
+
+def test_what_is_predicted_is_a_stage_that_comes_from_rest():
+    """Not from the memory with which the model would move least."""
+    axis = replace_loop(reference()[0].axes["x"])
+    run = run_of(sine(4, 5) + 3.0, "train").run
+    unmeasured = replace(run, x_um=np.zeros_like(run.x_um))
+    from_rest = Chain(axis, run.t_s, run.u_V).run()[run.rows]
+    np.testing.assert_allclose(run_from_rest(axis, unmeasured).answer(), from_rest)
+    assert not np.allclose(modelled_run(axis, unmeasured).answer(), from_rest)
+
+
+def replace_loop(axis: AxisModel) -> AxisModel:
+    """An axis of one wide loop."""
+    assert axis.time is not None
+    one = axis.time.model_copy(update={"play_r_V": (2.0,), "play_w_um_per_V": (5.0,)})
+    return axis.model_copy(update={"time": one, "effects": ()})
 
 
 def test_the_waveform_of_a_record_is_played_again():

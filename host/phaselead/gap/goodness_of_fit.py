@@ -200,9 +200,9 @@ def final_fit(selection: Selection, runs: Sequence[GapRun], floor: Floor) -> Fin
     be judged, and the gap. Plays that the base was given are fitted once more, now to what the effects leave.
     ``floor``: what it is where no reference record says."""
     before = tuple(modelled_run(selection.start, run) for run in runs)
-    after = [modelled_run(selection.base, run) for run in runs]
+    after = list(before)
     if selection.memory is not None:
-        after = with_refitted_operator(after, selection.entries)
+        after = with_refitted_operator([modelled_run(selection.base, run) for run in runs], selection.entries)
     if selection.entries:
         changed = [() if run.role == "reference" else selection.entries for run in runs]
         after = [modelled_run(t.axis, t.run, beside) for t, beside in zip(after, changed, strict=True)]

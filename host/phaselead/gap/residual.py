@@ -115,7 +115,15 @@ def modelled_run(axis: AxisModel, run: GapRun, beside: Extra = ()) -> ModelledRu
     ``beside``: effects that ``answer`` and ``error`` will be given. The memory is looked for with them, since what they
     do might be taken for another one."""
     assert axis.time is not None
-    began = _best_start(with_effects(axis, beside), run)
+    return _modelled_from(_best_start(with_effects(axis, beside), run), axis, run)
+
+
+def run_from_rest(axis: AxisModel, run: GapRun) -> ModelledRun:
+    """The run under the model of its axis after a step from rest in its first row, whatever was measured."""
+    return _modelled_from(None, axis, run)
+
+
+def _modelled_from(began: Began | None, axis: AxisModel, run: GapRun) -> ModelledRun:
     return ModelledRun(run, axis, _chain(axis, run, began), began, nuisance_columns(axis, run, began))
 
 

@@ -22,7 +22,7 @@ from phaselead.gap.findings import NextExperiment
 from phaselead.gap.parameters import SizedEffect
 from phaselead.gap.posterior import MORE_LIKELY_THAN_NOT, Claim, Forecast, names_of
 from phaselead.gap.records import GapRun
-from phaselead.gap.residual import ModelledRun, modelled_run
+from phaselead.gap.residual import ModelledRun, run_from_rest
 from phaselead.gap.selection import Selection
 from phaselead.model import Effect, Place
 from phaselead.record import Samples
@@ -193,7 +193,7 @@ class _Predicted:
         return found
 
     def _made(self, excitation: Excitation) -> ModelledRun:
-        """The run that it would give, without a measurement."""
+        """The run that it would give, from rest, without a measurement."""
         n = int(excitation.seconds / self._step_s)
         t: Samples = np.asarray(np.arange(n) * self._step_s, dtype=np.float64)
         start = 0 if excitation.idle else min(round(APPROACH_s / self._step_s), n // 2)
@@ -211,7 +211,7 @@ class _Predicted:
             others_um={},
             others_V={},
         )
-        return modelled_run(self._axis, run)
+        return run_from_rest(self._axis, run)
 
     def _within_sensor(self, made: ModelledRun) -> bool:
         """Whether the sensor sees all of the motion, with some room to spare; positions it has seen before always
