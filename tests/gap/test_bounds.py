@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 from toy import GAIN, Toy, sized
 
 from phaselead.gap.posterior.absent import _largest, largest_sizes
-from phaselead.gap.posterior.detectable import Shapes
 from phaselead.gap.posterior.missed import TIMES_BASE
 from phaselead.gap.posterior.search import Contest
+from phaselead.gap.posterior.shapes import Shapes
 from phaselead.gap.posterior.starts import SizedGroup, Starts
 from phaselead.gap.regressors import RegressorGroup, typical_sizes
 from phaselead.model import catalogue

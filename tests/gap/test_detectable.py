@@ -14,9 +14,10 @@ from test_gap_laws import HIDDEN, parts
 from test_posterior_likelihood import Toy
 
 from phaselead.gap.findings import Bound, Detectable
-from phaselead.gap.posterior.detectable import MOST_STATED, TRIED, Products, Shapes, _Expected, _least, detectable
+from phaselead.gap.posterior.detectable import MOST_STATED, TRIED, _Expected, _least, detectable
 from phaselead.gap.posterior.missed import MOST_MISSED, SHARES
 from phaselead.gap.posterior.priors import KNOWN_BEFORE, SIZES
+from phaselead.gap.posterior.shapes import Products, Shapes
 from phaselead.gap.posterior.starts import at_all_sizes
 from phaselead.gap.regressors import regressor_groups, typical_sizes
 from phaselead.gap.run import run_gap

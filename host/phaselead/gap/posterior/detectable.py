@@ -9,7 +9,6 @@ name, at a shape such that half of the prior's shapes need less.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from functools import cache, cached_property, partial
 from itertools import pairwise
 
@@ -18,12 +17,14 @@ from numpy.typing import NDArray
 
 from phaselead.gap.error_rates import SURE
 from phaselead.gap.parameters import SizedEffect, bounded
-from phaselead.gap.posterior.blocks import BlockedRun, with_levels_about_their_sessions
+from phaselead.gap.posterior.blocks import BlockedRun
+from phaselead.gap.posterior.levels import with_levels_about_their_sessions
 from phaselead.gap.posterior.likelihood import Likelihood
 from phaselead.gap.posterior.missed import SHARES, is_of_material, may_be_missed_um2, missed_um2
 from phaselead.gap.posterior.priors import LARGEST, prior_of
 from phaselead.gap.posterior.sets import confused
-from phaselead.gap.regressors import RegressorGroup, typical_sizes
+from phaselead.gap.posterior.shapes import Columns, Products, Shapes
+from phaselead.gap.regressors import RegressorGroup
 from phaselead.record import Samples
 
 ROUNDS = 8
@@ -38,75 +39,6 @@ STRIDE = 20
 """Of the sizes tried, how many lie between those that are tried first: a factor of 2.1."""
 MOST_STATED = 10.0
 """Typical sizes beyond which nobody asks."""
-
-Coefficients = Sequence[NDArray[np.floating]]
-"""Per run those (n, k) of k columns."""
-
-
-@dataclass(frozen=True)
-class Shapes:
-    """Shapes of the effects of a catalogue."""
-
-    groups: Sequence[RegressorGroup]
-    columns: Sequence[NDArray[np.float32]]
-    """Per run the coefficients (n, k) of every group, zeros of a reference."""
-
-    def of(self, name: str) -> list[int]:
-        """The groups of one effect at typical sizes."""
-        named = [(i, group) for i, group in enumerate(self.groups) if group.effect.name == name]
-        return [i for i, group in named if group.steps == typical_sizes(group.effect)]
-
-    def first(self, indices: Sequence[int]) -> Coefficients:
-        """The first sizes of some groups."""
-        ends = np.cumsum([0, *(len(group.steps) for group in self.groups)])
-        return [columns[:, ends[list(indices)]] for columns in self.columns]
-
-
-@dataclass(frozen=True, eq=False)
-class Columns:
-    """What effects add to all records, k columns, and what it is beside itself and the shared columns."""
-
-    of_runs: Coefficients
-    own: Samples
-    """(blocks, k, k) mean products."""
-    beside_shared: Samples
-    """(blocks, shared, k) the same with the shared columns."""
-
-    @property
-    def count(self) -> int:
-        """k"""
-        return int(self.own.shape[1])
-
-    def one(self, which: int) -> Columns:
-        """One of them."""
-        at = slice(which, which + 1)
-        return Columns([of_run[:, at] for of_run in self.of_runs], self.own[:, at, at], self.beside_shared[:, :, at])
-
-
-class Products:
-    """Mean products, block by block, of what effects add to the records of a likelihood."""
-
-    def __init__(self, likelihood: Likelihood, shapes: Shapes) -> None:
-        self.likelihood, self.shapes = likelihood, shapes
-        self._shapes_of: dict[str, Columns] = {}
-
-    def columns(self, of_runs: Coefficients) -> Columns:
-        """Of columns."""
-        return Columns(of_runs, self._across(of_runs, of_runs), self._across(self.likelihood.shared, of_runs))
-
-    def shapes_of(self, name: str) -> Columns:
-        """The first size of every shape of an effect, worked out once."""
-        if name not in self._shapes_of:
-            self._shapes_of[name] = self.columns(self.shapes.first(self.shapes.of(name)))
-        return self._shapes_of[name]
-
-    def across(self, left: Columns, right: Columns) -> Samples:
-        """(blocks, k, q) of two."""
-        return left.own if left is right else self._across(left.of_runs, right.of_runs)
-
-    def _across(self, left: Coefficients, right: Coefficients) -> Samples:
-        parts = zip(self.likelihood.runs, left, right, strict=True)
-        return np.concatenate([run.products(np.asarray(a, float), np.asarray(b, float)) for run, a, b in parts])
 
 
 def detectable(likelihood: Likelihood, shapes: Shapes, log_odds: float) -> dict[str, float]:

@@ -23,14 +23,9 @@ from scipy.special import gammaln, logsumexp, softmax
 
 from phaselead.gap.parameters import SizedEffect, entries_at, internal, is_logarithmic, parameters_of
 from phaselead.gap.posterior.before import as_fault, fault_deviations
-from phaselead.gap.posterior.blocks import (
-    OF_LEVEL,
-    BlockedRun,
-    Simulated,
-    about_their_sessions,
-    with_levels_about_their_sessions,
-)
+from phaselead.gap.posterior.blocks import OF_LEVEL, BlockedRun, Simulated
 from phaselead.gap.posterior.expected import Expected
+from phaselead.gap.posterior.levels import about_their_sessions, with_levels_about_their_sessions
 from phaselead.gap.posterior.missed import (
     MOST_MISSED,
     TIMES_BASE,

@@ -9,9 +9,10 @@ import numpy as np
 
 from phaselead.gap.error_rates import SURE
 from phaselead.gap.parameters import SizedEffect, stands_at_an_end
-from phaselead.gap.posterior.blocks import blocked, with_levels_about_their_sessions, zeros_of_sessions
+from phaselead.gap.posterior.blocks import blocked
 from phaselead.gap.posterior.detectable import detectable
 from phaselead.gap.posterior.expected import expected_of
+from phaselead.gap.posterior.levels import with_levels_about_their_sessions, zeros_of_sessions
 from phaselead.gap.posterior.likelihood import Likelihood
 from phaselead.gap.posterior.priors import log_prior_of_set
 from phaselead.gap.posterior.sets import Fit, Names, confused, has_history, names_of

@@ -11,12 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phaselead.gap.parameters import SizedEffect, bounded
-from phaselead.gap.posterior.blocks import BlockedRun, about_their_sessions
-from phaselead.gap.posterior.detectable import Shapes
+from phaselead.gap.posterior.blocks import BlockedRun
+from phaselead.gap.posterior.levels import about_their_sessions
 from phaselead.gap.posterior.likelihood import Likelihood
 from phaselead.gap.posterior.moments import Amounts
 from phaselead.gap.posterior.priors import FLEXURE_ZETA, KNOWN_BEFORE, LARGEST, SIZES
 from phaselead.gap.posterior.sets import Fit
+from phaselead.gap.posterior.shapes import Shapes
 from phaselead.gap.regressors import MODE_GRID_RATIO, RegressorGroup, regressor_groups, typical_sizes
 from phaselead.model import Effect
 from phaselead.record import Samples
