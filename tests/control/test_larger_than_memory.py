@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import tracemalloc
 from dataclasses import replace
 
@@ -11,9 +12,9 @@ import pytest
 
 from phaselead.control import converting, record_to_file, recover_run
 from phaselead.control.journal import journal_header, record_open_loop
-from phaselead.device import encode_frame, read_capture, wire
+from phaselead.device import TICK_HZ, encode_frame, read_capture, wire
 from phaselead.device.device import Device
-from phaselead.record import JournalWriter
+from phaselead.record import JournalWriter, read_recording, t0_unix_s
 from phaselead.sim.replaying import replay
 from phaselead.waveforms import parse_wave
 
@@ -128,3 +129,30 @@ def test_the_end_of_a_stream_that_was_lost_is_a_gap(tmp_path, monkeypatch):
     with Device.open("sim://xyz250") as device:
         facts = record_to_file(device, None, output=str(tmp_path / "a.h5"), duration_s=0.5)
     assert facts["gaps"] == [[*ends, 70]]
+
+
+def test_a_run_says_when_it_was_taken_and_so_does_what_is_recovered_of_it(tmp_path, monkeypatch):
+    """By the clock at the hello and the ticks since then; a virtual device has a time of its own and says nothing."""
+    began_unix_s, kept = 1.7e9, tmp_path / "kept.journal"
+
+    def keeping(path, output, run):
+        shutil.copy(path, kept)
+        return converting.convert(path, output, run)
+
+    monkeypatch.setattr("phaselead.control.journal.convert", keeping)
+    with Device.open("sim://xyz250") as device:
+        silent = record_to_file(device, None, output=str(tmp_path / "silent.h5"), duration_s=0.1)
+        device.session.tick_0_unix_s = began_unix_s
+        record_to_file(device, SINE, output=str(tmp_path / "a.h5"), duration_s=0.5)
+    monkeypatch.undo()
+    assert "t0_utc" not in silent
+    recording = read_recording(str(tmp_path / "a.h5"))
+    first_s = recording.meta["start_tick"] / TICK_HZ
+    assert first_s > 0
+    assert t0_unix_s(recording.meta) == pytest.approx(began_unix_s + first_s, abs=1e-5)
+    assert read_capture(str(tmp_path / "a.h5")).tick_0_unix_s == began_unix_s
+    recover_run(str(kept), str(tmp_path / "again.h5"))
+    again = read_recording(str(tmp_path / "again.h5"))
+    with h5py.File(tmp_path / "again.h5") as file:
+        first_s = file["device/tick"][0] / TICK_HZ
+    assert t0_unix_s(again.meta) == pytest.approx(began_unix_s + first_s, abs=1e-5)

@@ -66,6 +66,18 @@ def test_every_command_acts_exactly_once_whatever_the_line_does(fates: list[str]
     assert device.executed == ["hello", "arm", "start", "park", "set_timeout"]
 
 
+def test_the_hello_tells_when_tick_0_was_but_not_of_a_port_with_a_time_of_its_own(monkeypatch) -> None:
+    assert open_session(FakeDevice(tick=7000)).tick_0_unix_s is None
+    monkeypatch.setattr(Session, "virtual", False)
+    monkeypatch.setattr("phaselead.device.session.time.time", lambda: 1.7e9)
+    device = FakeDevice(tick=7000)
+    session = open_session(device)
+    assert session.tick_0_unix_s == pytest.approx(1.7e9 - 7000 / 5000, abs=0.05)
+    device.tick = 0  # it was started again
+    session.renew()
+    assert session.tick_0_unix_s == pytest.approx(1.7e9, abs=0.05)
+
+
 def test_lost_reply_is_asked_for_again_with_the_very_same_frame() -> None:
     device = FakeDevice()
     session = open_session(device)

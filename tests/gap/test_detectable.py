@@ -91,6 +91,12 @@ def test_the_first_size_at_which_something_is_told_is_found_among_all_that_are_t
     assert _least(lambda times: times >= TRIED[first]) == TRIED[first]
 
 
+def test_the_least_size_is_one_at_which_something_is_told():
+    """Also where it is told at a few sizes and then at none for a while."""
+    told = {TRIED[25], *TRIED[200:]}
+    assert _least(lambda times: np.array([one in told for one in times])) in told
+
+
 def test_what_is_told_nowhere_has_no_first_size():
     assert _least(lambda times: times < 0) == np.inf
 
@@ -103,11 +109,11 @@ def test_products_of_columns_are_those_of_their_parts(k, seed):
     shared = [rng.normal(size=(run.edges[-1], 3)) for run in likelihood.runs]
     drawn = [rng.normal(size=(run.edges[-1], k)) for run in likelihood.runs]
     products = Products(replace(likelihood, shared=tuple(shared)), Shapes((), ()))
-    all_at_once = products.columns([np.concatenate(pair, axis=1) for pair in zip(shared, drawn, strict=True)])
-    apart = products.columns(drawn)
+    all_at_once = products.added([np.concatenate(pair, axis=1) for pair in zip(shared, drawn, strict=True)])
+    apart = products.added(drawn)
     np.testing.assert_allclose(apart.own, all_at_once.own[:, 3:, 3:])
     np.testing.assert_allclose(apart.beside_shared, all_at_once.own[:, :3, 3:])
-    one, other = apart.one(0), products.columns(shared)
+    one, other = apart.one(0), products.added(shared)
     np.testing.assert_allclose(products.across(other, one), all_at_once.own[:, :3, 3:4])
     assert products.across(one, one) is one.own
 
@@ -123,6 +129,7 @@ def expecting(products):
     """Of columns that stand for no effect of a catalogue."""
     expected = _Expected.__new__(_Expected)
     expected._products, expected._likelihood, expected._of_material = products, products.likelihood, False
+    expected._last = None
     return expected
 
 
@@ -150,7 +157,7 @@ def test_it_is_told_however_much_of_it_the_base_may_lack_in_all_records(referenc
     everywhere = [run.coefficients(run.modelled.columns["gain_change"][:, None]) for run in runs]
     column = [one * run.changed for run, one in zip(runs, everywhere, strict=True)]
     products, asked = Products(toy.likelihood, Shapes((), ())), 12.0
-    found = expecting(products)._times(products.columns(column), [products.columns(everywhere)], [1e3], asked)
+    found = expecting(products)._times(products.added(column), [products.added(everywhere)], [1e3], asked)
 
     def powers(columns):
         return [run.products(one, one)[:, 0, 0] for run, one in zip(runs, columns, strict=True)]

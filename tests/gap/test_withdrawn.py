@@ -43,7 +43,7 @@ def test_what_every_withdrawn_claim_was_for_is_still_there(monkeypatch):
     it, something has no name: that is not nothing."""
     reference, train, holdout = parts({"delay": HIDDEN["delay"]})
     without = [name for name in catalogue() if name not in KEPT]
-    monkeypatch.setattr(search, "_that_pay", lambda held, entries, claims, levelled: ())
+    monkeypatch.setattr(search, "_that_pay", lambda likelihood, entries, claims: ())
     monkeypatch.setattr(
         axis, "unexplained", lambda *residuals, of_any_size: Unexplained(0.0, 1.0)
     )  # which would say so, too

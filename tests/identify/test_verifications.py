@@ -37,6 +37,21 @@ def test_a_parked_record_is_left_out_and_said_to_be():
     assert "left_out" not in verify(STAGE, record()).as_dict()
 
 
+def test_a_row_that_stands_alone_is_said_once():
+    """Of however many records."""
+    t_s, glitched = np.arange(2000) / RATE_HZ, []
+    for seed, name in enumerate(("a.csv", "b.csv")):
+        u_V = 2.5 - 2.5 * np.cos(2 * np.pi * 5 * t_s)
+        x_um = 20 * u_V + np.random.default_rng(seed).normal(0, 0.01, len(t_s))
+        x_um[700] += 30.0
+        glitched.append(recording(t_s=t_s, u_V=u_V, x_um=x_um, source=name))
+    (line,) = [line for line in verify(STAGE, glitched).doubts if "jumps away and back" in line]
+    assert line.startswith("a.csv: ")
+    assert "(1 more like it)" in line
+    (line,) = [line for line in fit(glitched).report.remarks() if "jumps away and back" in line]
+    assert line.startswith("a.csv: ")
+
+
 def test_where_no_record_is_left_it_is_refused():
     with pytest.raises(BadInput, match=r"park\.csv: the voltage never moves; give a record"):
         verify(STAGE, [PARKED])

@@ -170,7 +170,7 @@ class FinalFit:
             x = run.x_um[rows]
             before = x - _about_mean(was.error())
             after = x - _about_mean(now.error(self.entries))
-            found.append(Trace(run.name, run.axis, run.t_s[rows], run.u_V[rows], x, before, after))
+            found.append(Trace(run.name, run.axis, run.file_t_s[rows], run.u_V[rows], x, before, after))
         return found
 
 

@@ -12,7 +12,7 @@ from typing import Literal, NoReturn
 import numpy as np
 
 from phaselead.errors import BadInput
-from phaselead.gap.one_clock import on_one_clock
+from phaselead.gap.one_clock import seconds_into_session
 from phaselead.identify import DRIVEN_SHARE, SAME_RATE, STILL_V, AxisRun, SineDrive
 from phaselead.model import Stage
 from phaselead.record import AxisRecord, Recording, Samples, refuse_clipped, refuse_gapped, same_measurement, times_in
@@ -44,6 +44,8 @@ class GapRun:
     """Positions of the other axes."""
     others_V: Mapping[str, Samples]
     """Voltages of the other axes."""
+    later_s: float = 0.0
+    """By which its times were moved, so that they count from the first record of its session."""
 
     @property
     def step_s(self) -> float:
@@ -60,6 +62,11 @@ class GapRun:
         """Times of the first and the last of these."""
         t_s = self.t_s[self.rows]
         return float(t_s[0]), float(t_s[-1])
+
+    @property
+    def file_t_s(self) -> Samples:
+        """Its times (n,) as its file has them."""
+        return self.t_s - self.later_s
 
     @property
     def name(self) -> str:
@@ -123,7 +130,6 @@ def axis_runs(
     for records, what in ((train, "training"), (holdout, "held-out"), (reference, "reference")):
         for i, record in enumerate(records):
             refuse_overlap(records[:i], [record], what, what)
-    train, holdout, reference = on_one_clock(train, holdout, reference)
     parts: list[tuple[Role, Sequence[Recording]]] = [("train", train), ("holdout", holdout), ("reference", reference)]
     for _, records in parts:
         for record in records:
@@ -137,7 +143,10 @@ def axis_runs(
         )
     if not axes:
         _refuse_without_common_axis(stage, [*train, *holdout])
-    runs = {a: [run_of(r, a, role) for role, rs in parts for r in rs if _has(r, a)] for a in axes}
+    later_s = seconds_into_session([*train, *holdout]) + seconds_into_session(reference)
+    every = [(record, role) for role, records in parts for record in records]
+    placed = list(zip(every, later_s, strict=True))
+    runs = {a: [run_of(r, a, role, later) for (r, role), later in placed if _has(r, a)] for a in axes}
     for a, of_axis in runs.items():
         _refuse_other_rate(stage, a, of_axis)
     _refuse_all_still([r for of_axis in runs.values() for r in of_axis])
@@ -220,8 +229,8 @@ def _all_have(axis: str, records: Sequence[Recording]) -> bool:
     return all(_has(record, axis) for record in records)
 
 
-def run_of(record: Recording, axis: str, role: Role) -> GapRun:
-    """One axis of a record, which has it."""
+def run_of(record: Recording, axis: str, role: Role, later_s: float = 0.0) -> GapRun:
+    """One axis of a record, which has it and began so much later than its session."""
     own = record.axes[axis]
     assert own.u_V is not None
     assert own.x_um is not None
@@ -230,7 +239,7 @@ def run_of(record: Recording, axis: str, role: Role) -> GapRun:
     return GapRun(
         axis=axis,
         role=role,
-        t_s=record.t_s,
+        t_s=record.t_s + later_s,
         u_V=own.u_V,
         x_um=own.x_um,
         r_um=own.r_um,
@@ -240,6 +249,7 @@ def run_of(record: Recording, axis: str, role: Role) -> GapRun:
         sha256=record.sha256,
         others_um={name: a.x_um for name, a in others.items() if a.x_um is not None},
         others_V={name: a.u_V for name, a in others.items() if a.u_V is not None},
+        later_s=later_s,
     )
 
 

@@ -54,8 +54,12 @@ def run_gap(
     refuse_moved_at_rest(stage, runs)
     driven = beside_model(stage, runs)
     refuse_unlike_model(driven)
-    of_rows = [line for record in (*train, *holdout, *reference) for line in glitch_doubts(record)]
-    doubts = (*of_rows, *scale_doubts(driven), *exchange_doubts(driven), *_provisional_doubts(stage, list(runs)))
+    doubts = (
+        *glitch_doubts([*train, *holdout, *reference]),
+        *scale_doubts(driven),
+        *exchange_doubts(driven),
+        *_provisional_doubts(stage, list(runs)),
+    )
     base_frozen = frozen if frozen is not None else bool(reference)
     effects = [effect for effect in catalogue(without).values() if not effect.of_base]
     # The matrices are small: threads that wait for each other cost ten times what they save.
@@ -67,9 +71,22 @@ def run_gap(
     after = next_stage(stage, {r.axis: r.model for r in results}, [*train, *reference])
     found = _joined(results, after, tuple(dict.fromkeys(r.sha256 for r in holdout)), time.monotonic() - began)
     doubts = (*doubts, *(doubt for result in results for doubt in result.doubts))
+    found = replace(found, messages=(*found.messages, *_about_drift(found, runs)))
     parts = {"train": train, "holdout": holdout, "reference": reference}
     sources = {name: tuple(r.traced for r in part) for name, part in parts.items()}
     return replace(found, base=stage, doubts=doubts, sources=sources)
+
+
+def _about_drift(found: GapResult, runs: Mapping[str, Sequence[GapRun]]) -> list[str]:
+    """From when an adopted drift counts, where that is not the 0 s of each file."""
+    later = [run for of_axis in runs.values() for run in of_axis if run.role != "reference" and run.later_s > 0]
+    drifts = [one.name for one in found.adopted if catalogue()[one.name].moves_zero == "steadily"]
+    if not later or not drifts:
+        return []
+    return [
+        f"{drifts[0]} counts from the first training or held-out record, by when each was taken (t0_utc); `verify` and "
+        "`predict` count every file from its own 0 s"
+    ]
 
 
 def _provisional_doubts(stage: Stage, axes: Sequence[str]) -> list[str]:

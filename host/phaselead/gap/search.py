@@ -17,6 +17,7 @@ from phaselead.gap.posterior import (
     Contest,
     Fit,
     Judgement,
+    Likelihood,
     at_an_end,
     intervals,
     judge,
@@ -26,7 +27,7 @@ from phaselead.gap.posterior import (
     shows_itself,
 )
 from phaselead.gap.records import GapRun
-from phaselead.gap.residual import ModelledRun, modelled_run
+from phaselead.gap.residual import modelled_run
 from phaselead.gap.savings import probability_by_chance, saved_by_block
 from phaselead.gap.selection import Selection, with_a_name
 from phaselead.model import AxisModel, Effect
@@ -106,7 +107,6 @@ def _estimated(contest: Contest, judgement: Judgement, open_plays: bool) -> tupl
     claims = judgement.claims
     everything, learned = contest.likelihood, contest.likelihood.without_held_out()
     train = [run for run in everything.runs if run.modelled.run.role == "train"]
-    held = [run.modelled for run in everything.runs if run.modelled.run.role == "holdout"]
     levelled = [run.levelled for run in train]
 
     def best_of(fit: Fit) -> tuple[SizedEffect, ...]:
@@ -116,7 +116,7 @@ def _estimated(contest: Contest, judgement: Judgement, open_plays: bool) -> tupl
         entries = tuple(
             entry for entry in judgement.best.entries if entry[0].name in {claim.effect.name for claim in claims}
         )
-        kept = claims if open_plays else _that_pay(held, best_of(everything.fit(entries)), claims, any(levelled))
+        kept = claims if open_plays else _that_pay(everything, best_of(everything.fit(entries)), claims)
         if len(kept) == len(claims):
             fit = learned.fit(entries)
             adopted = best_of(fit)
@@ -135,18 +135,18 @@ def _estimated(contest: Contest, judgement: Judgement, open_plays: bool) -> tupl
     return (), _Estimated()
 
 
-def _that_pay(
-    held: Sequence[ModelledRun], entries: Sequence[SizedEffect], claims: Sequence[Claim], levelled: bool
-) -> tuple[Claim, ...]:
+def _that_pay(likelihood: Likelihood, entries: Sequence[SizedEffect], claims: Sequence[Claim]) -> tuple[Claim, ...]:
     """The claims without which the held-out records are not predicted better, in um, than with them. Where levels say
-    something (``levelled``), of what moves the zero these are asked too, by the odds."""
-    kept = list(claims)
+    something, of what moves the zero these are asked too, by the odds."""
+    kept, levelled = list(claims), any(run.levelled for run in likelihood.runs)
+    held = [run.modelled for run in likelihood.runs if run.modelled.run.role == "holdout"]
     for claim in claims:
         names = {one.effect.name for one in kept}
         tried = [entry for entry in entries if entry[0].name in names]
         without = [entry for entry in tried if entry[0].name != claim.effect.name]
         if levelled and claim.effect.moves_zero is not None:
-            worse = claim.held_out_log_odds < np.log(ERROR_RATE)
+            gained = likelihood.held_out_log_density(tried) - likelihood.held_out_log_density(without)
+            worse = gained < np.log(ERROR_RATE)
         else:
             worse = probability_by_chance(saved_by_block(held, tried, held, without)) < ERROR_RATE
         if worse:

@@ -202,8 +202,8 @@ def _beyond_what_is_known(axis: str, model: AxisModel, runs: Sequence[AxisRun]) 
 def _doubts(recordings: Sequence[Recording]) -> list[str]:
     """Whether the columns are what they were taken for, and whether rows stand alone, in one line for all of one
     doubt."""
-    of_kinds = ([line for r in recordings for line in about(r)] for about in (doubts_about, glitch_doubts))
-    return [each[0] + more_like_it(len(each) - 1) for each in of_kinds if each]
+    each = [line for lines in map(doubts_about, recordings) for line in lines]
+    return [*([each[0] + more_like_it(len(each) - 1)] if each else []), *glitch_doubts(recordings)]
 
 
 def _refuse_mixture(recordings: Sequence[Recording]) -> None:

@@ -106,8 +106,7 @@ def judge(
     kept, left_out = usable(recordings)
     found = verify(stage, kept, view, refit_offset=refit_offset)
     doubts = [*in_other_times(stage, kept), *driven_far_beyond(stage, kept)]
-    doubts += [line for record in kept for line in glitch_doubts(record)]
-    doubts += [*_out_of_scale(found), *_about_starts(found)]
+    doubts += [*glitch_doubts(kept), *_out_of_scale(found), *_about_starts(found)]
     return Verifications(found, view, model, stage.sha256, left_out, doubts)
 
 

@@ -9,7 +9,7 @@ name, at a shape such that half of the prior's shapes need less.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from functools import cache, cached_property, partial
+from functools import cached_property, partial
 from itertools import pairwise
 
 import numpy as np
@@ -23,7 +23,7 @@ from phaselead.gap.posterior.likelihood import Likelihood
 from phaselead.gap.posterior.missed import SHARES, is_of_material, may_be_missed_um2, missed_um2
 from phaselead.gap.posterior.priors import LARGEST, prior_of
 from phaselead.gap.posterior.sets import confused
-from phaselead.gap.posterior.shapes import Columns, Products, Shapes
+from phaselead.gap.posterior.shapes import Added, Products, Shapes
 from phaselead.gap.regressors import RegressorGroup
 from phaselead.record import Samples
 
@@ -36,7 +36,7 @@ FURTHER = 10.0
 TRIED = np.geomspace(1e-5, 1e3, 501)
 """Typical sizes."""
 STRIDE = 20
-"""Of the sizes tried, how many lie between those that are tried first: a factor of 2.1."""
+"""Every which of these is tried first: a factor of 2.1."""
 MOST_STATED = 10.0
 """Typical sizes beyond which nobody asks."""
 
@@ -60,10 +60,11 @@ class _Expected:
 
     def __init__(self, products: Products, name: str) -> None:
         self._products, self._likelihood, self._name = products, products.likelihood, name
+        self._last: tuple[float, Added] | None = None
         mine = products.shapes.of(name)
         self._of_material = bool(is_of_material([self._entry(self._group(name, 0), 1.0)])[0])
         likely = np.exp([prior_of([self._entry(self._group(name, i), 1.0)]).log_density for i in range(len(mine))])
-        needed = np.array([self._times(self._first(name, i), [], [], 1.0) for i in range(len(mine))])
+        needed = np.array([self._times(self._products.first(name, i), [], [], 1.0) for i in range(len(mine))])
         order = np.argsort(needed)
         half = int(np.searchsorted(np.cumsum(likely[order]), 0.5 * likely.sum()))
         self._shape = int(order[min(half, len(mine) - 1)])
@@ -100,53 +101,46 @@ class _Expected:
         params = group.params([times, *np.zeros(len(group.steps) - 1).tolist()])
         return group.effect, bounded(group.effect, params)
 
-    @cached_property
-    def _simulated(self) -> Callable[[str, int, float], Columns]:
-        """What an effect in one of its shapes adds, worked out once for each size."""
-        return cache(self._simulated_at)
+    def _mine(self, times: float) -> Added:
+        """What so many times the first typical size adds, for one typical size; of the last size it is kept."""
+        if self._last is None or self._last[0] != times:
+            self._last = times, self._simulated(self._name, self._shape, times)
+        return self._last[1]
 
-    def _simulated_at(self, name: str, shape: int, times: float) -> Columns:
-        """What so many times the first typical size adds, for one typical size; any times as much where an effect is
-        linear in its sizes. Beyond the range of a size the largest in it is simulated."""
-        typical, group = self._first(name, shape), self._group(name, shape)
+    def _simulated(self, name: str, shape: int, times: float) -> Added:
+        """The same of any effect in one of its shapes; any times as much where an effect is linear in its sizes. Beyond
+        the range of a size the largest in it is simulated."""
+        typical, group = self._products.first(name, shape), self._group(name, shape)
         if group.effect.basis is not None:
             return typical
         effect, params = entry = self._entry(group, times)
         simulated = params[effect.sizes[0].name] / group.steps[0]
         runs = zip(self._likelihood.runs, typical.of_runs, strict=True)
         found = [_added(run, entry) / simulated if run.changed and simulated else column for run, column in runs]
-        return self._products.columns(with_levels_about_their_sessions(self._likelihood.runs, found))
+        return self._products.added(with_levels_about_their_sessions(self._likelihood.runs, found))
 
     @cached_property
-    def _first(self) -> Callable[[str, int], Columns]:
-        """The first size of an effect in one of its shapes."""
-        return cache(lambda name, shape: self._products.shapes_of(name).one(shape))
-
-    @cached_property
-    def _across(self) -> Callable[[Columns, Columns], Samples]:
-        """Products of two, worked out once."""
-        return cache(self._products.across)
-
-    @cached_property
-    def _everywhere(self) -> Columns:
+    def _everywhere(self) -> Added:
         """The first size of the effect where the base lacks it in all records."""
         entry, found = self._entry(self._group(self._name, self._shape), 1.0), []
-        for run, column in zip(self._likelihood.runs, self._first(self._name, self._shape).of_runs, strict=True):
+        for run, column in zip(
+            self._likelihood.runs, self._products.first(self._name, self._shape).of_runs, strict=True
+        ):
             found.append(column if run.changed else _added(run, entry))
-        return self._products.columns(with_levels_about_their_sessions(self._likelihood.runs, found))
+        return self._products.added(with_levels_about_their_sessions(self._likelihood.runs, found))
 
     def _alone(self, log_odds: float, times: float) -> float:
         """The multiple from which it is told from nothing and from a fault of the base in all records, as far as it
         shows simulated at about this one."""
-        column = self._simulated(self._name, self._shape, times)
+        column = self._mine(times)
         return self._times(column, [self._everywhere], [times], log_odds, priced=True)
 
     def _past(self, rival: str, times: float) -> float:
         """The same from a rival."""
-        column, shapes = self._simulated(self._name, self._shape, times), self._products.shapes_of(rival)
+        column, shapes = self._mine(times), self._products.shapes_of(rival)
         weights = 1 / self._without_um2
         squares = np.maximum(weights @ np.diagonal(shapes.own, axis1=1, axis2=2), 1e-300)
-        alike = weights @ self._across(shapes, column)[:, :, 0]
+        alike = weights @ self._products.across(shapes, column)[:, :, 0]
         best = int(np.argmax(np.abs(alike) / np.sqrt(squares)))
         theirs = self._simulated(rival, best, times * float(alike[best] / squares[best]))
         others = [self._everywhere, theirs, *([shapes] if shapes.count > 1 else [])]
@@ -159,7 +153,7 @@ class _Expected:
         likelihood = self._likelihood
         return np.asarray((likelihood.noise + likelihood.base) / likelihood.counted_beside(likelihood.base))
 
-    def _moments(self, several: Sequence[Columns]) -> Samples:
+    def _moments(self, several: Sequence[Added]) -> Samples:
         """Mean products (blocks, k, k) of the likelihood's shared columns and, behind them, these."""
         among_shared = self._likelihood.among_shared
         ends = [among_shared.size, *(among_shared.size + np.cumsum([one.count for one in several])).tolist()]
@@ -167,15 +161,15 @@ class _Expected:
         whole: Samples = np.empty((len(self._without_um2), ends[-1], ends[-1]))
         whole[:, : ends[0], : ends[0]] = among_shared.whole
         for i, (one, at) in enumerate(zip(several, places, strict=True)):
-            beside = [one.beside_shared, *(self._across(other, one) for other in several[: i + 1])]
+            beside = [one.beside_shared, *(self._products.across(other, one) for other in several[: i + 1])]
             above = np.concatenate(beside, axis=1)
             whole[:, : at.stop, at], whole[:, at, : at.stop] = above, above.transpose(0, 2, 1)
         return whole
 
     def _times(
         self,
-        column: Columns,
-        others: Sequence[Columns],
+        column: Added,
+        others: Sequence[Added],
         deviations: Sequence[float],
         log_odds: float,
         priced: bool = False,
@@ -187,11 +181,12 @@ class _Expected:
         widths = [likelihood.among_shared.size, *(one.count for one in others)]
         precision = np.diag(np.repeat(np.array([1.0, *deviations], dtype=np.float64) ** -2, widths))
         # The others may also take all of it where it acts, and leave records without it as if these were outliers.
-        either = 1 / self._without_um2, likelihood.changed / self._without_um2
-        total = [np.tensordot(weights, moments, 1) for weights in either]
-        taken = [np.linalg.solve(of[:-1, :-1] + precision, of[:-1, -1]) for of in total]
-        past = [np.append(-amounts, 1.0) for amounts in taken]
-        left = [np.maximum((moments @ one) @ one, 0.0) for one in past]
+        left_um2 = []
+        for weights in (1 / self._without_um2, likelihood.changed / self._without_um2):
+            total = np.tensordot(weights, moments, 1)
+            taken = np.linalg.solve(total[:-1, :-1] + precision, total[:-1, -1])
+            less = np.append(-taken, 1.0)
+            left_um2.append(np.maximum((moments @ less) @ less, 0.0))
         parts = np.split(moments[:, -1, -1], np.cumsum([len(run.sizes) for run in likelihood.runs])[:-1])
         power = np.concatenate([run.spread(part) for run, part in zip(likelihood.runs, parts, strict=True)])
 
@@ -201,7 +196,7 @@ class _Expected:
             variance = likelihood.noise + likelihood.base + missed_um2(SHARES[0], added, added * self._of_material)
             n = likelihood.counted_beside(may_be_missed_um2(likelihood.base, added))
             enough = np.ones(len(times), dtype=bool)
-            for one in left:
+            for one in left_um2:
                 odds = 0.5 * (n * np.log1p(squares * one / variance)).sum(axis=1)
                 information = (n * one / (likelihood.noise + likelihood.base)).sum(axis=1)
                 enough &= odds >= log_odds + (0.5 * np.log(np.maximum(information, 1.0)) if priced else 0.0)
@@ -211,13 +206,15 @@ class _Expected:
 
 
 def _least(told: Callable[[Samples], NDArray[np.bool_]]) -> float:
-    """The first of the sizes tried at which something is told, by every ``STRIDE``-th first; infinite where none is."""
+    """The least of the sizes tried at which something is told, as at all larger ones; infinite where there is none. Of
+    few sizes first, and then of those below the first of these."""
     coarse = np.flatnonzero(told(TRIED[::STRIDE]))
     if not len(coarse):
         return np.inf
     end = int(coarse[0]) * STRIDE
-    fine = TRIED[max(end - STRIDE + 1, 0) : end + 1]
-    return float(fine[np.flatnonzero(told(fine))[0]])
+    below = TRIED[max(end - STRIDE + 1, 0) : end]
+    fine = np.flatnonzero(told(below))
+    return float(below[fine[0]] if len(fine) else TRIED[end])
 
 
 def _added(run: BlockedRun, entry: SizedEffect) -> Samples:

@@ -232,6 +232,15 @@ class Likelihood:
         of_records = self._of_records(power, variance, held_out)
         return np.asarray(np.sum(logsumexp(of_records, axis=1) - np.log(len(TIMES_BASE)), axis=-1))
 
+    def held_out_log_density(self, entries: Sequence[SizedEffect]) -> float:
+        """Of the held-out records as effects at their parameters predict them, levels and all."""
+        each = [run.coefficients(run.modelled.error(entries if run.changed else ())[:, None]) for run in self.runs]
+        lefts = with_levels_about_their_sessions(self.runs, each)
+        pairs = zip(self.runs, lefts, strict=True)
+        power = np.concatenate([run.products(left, left)[:, 0, 0] for run, left in pairs])[None]
+        variance = (self.noise + np.array(TIMES_BASE)[:, None] ** 2 * self.base)[None]
+        return (self.log_density(power, variance) - self.log_density(power, variance, held_out=False)).item()
+
     def weights(self, power: Samples, variance: Samples, held_out: bool = True) -> Samples:
         """By which squares (s, blocks) count near a residual of this power."""
         t, n = self.told, self.counted
@@ -339,7 +348,8 @@ class Likelihood:
         moving = terms.moments.moving
         if not moving.size:
             return self.judged(terms, share)
-        # What had been done before goes on in all records at first, or in none, and then in those that bear it out.
+        # Begun where what had been done before goes on as in the start, and where it is over in all records; then it
+        # goes on in those that bear it out. Both beginnings may lead to the same.
         found: dict[bytes, Fit] = {}
         for begun in (moving, np.zeros_like(moving)):
             near, near_share = terms.where_moving(begun), share

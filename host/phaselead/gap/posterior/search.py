@@ -56,7 +56,8 @@ class Contest:
 
     def log_evidence(self, names: Names) -> float:
         """Of a set. Where records stand speaks neither for nor against effects that go on between them, as nobody
-        knows how: a set of such is granted as much as that brings to any other."""
+        knows how: a set of such is granted as much as that brings to the most probable of the others, so that the two
+        are compared by what the records hold."""
         fit = self.fits[names]
         return fit.log_evidence + self._granted(fit, held_out=True)
 
@@ -73,8 +74,11 @@ class Contest:
     def _granted(self, fit: Fit, *, held_out: bool) -> float:
         if not has_history(fit.entries):
             return 0.0
-        others = [one.levels(held_out) for one in self.fits.values() if not has_history(one.entries)]
-        return max(others, default=0.0) - fit.levels(held_out)
+        others = [one for one in self.fits.values() if not has_history(one.entries)]
+        if not others:
+            return -fit.levels(held_out)
+        log_posterior = self.log_posterior if held_out else self.log_posterior_fitted
+        return max(others, key=lambda one: log_posterior(one.names)).levels(held_out) - fit.levels(held_out)
 
 
 def likelihood_of(runs: Sequence[ModelledRun], base_may_be_off: bool = False, open_plays: bool = False) -> Likelihood:

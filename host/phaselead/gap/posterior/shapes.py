@@ -30,13 +30,13 @@ class Shapes:
         return [i for i, group in named if group.steps == typical_sizes(group.effect)]
 
     def first(self, indices: Sequence[int]) -> Coefficients:
-        """The first sizes of some groups."""
+        """Coefficients (n, k) of the first sizes of k groups."""
         ends = np.cumsum([0, *(len(group.steps) for group in self.groups)])
         return [columns[:, ends[list(indices)]] for columns in self.columns]
 
 
 @dataclass(frozen=True, eq=False)
-class Columns:
+class Added:
     """What effects add to all records, k columns, and what it is beside itself and the shared columns."""
 
     of_runs: Coefficients
@@ -50,10 +50,10 @@ class Columns:
         """k"""
         return int(self.own.shape[1])
 
-    def one(self, which: int) -> Columns:
+    def one(self, which: int) -> Added:
         """One of them."""
         at = slice(which, which + 1)
-        return Columns([of_run[:, at] for of_run in self.of_runs], self.own[:, at, at], self.beside_shared[:, :, at])
+        return Added([of_run[:, at] for of_run in self.of_runs], self.own[:, at, at], self.beside_shared[:, :, at])
 
 
 class Products:
@@ -61,22 +61,26 @@ class Products:
 
     def __init__(self, likelihood: Likelihood, shapes: Shapes) -> None:
         self.likelihood, self.shapes = likelihood, shapes
-        self._shapes_of: dict[str, Columns] = {}
+        self._shapes_of: dict[str, Added] = {}
 
-    def columns(self, of_runs: Coefficients) -> Columns:
-        """Of columns."""
-        return Columns(of_runs, self._across(of_runs, of_runs), self._across(self.likelihood.shared, of_runs))
+    def added(self, of_runs: Coefficients) -> Added:
+        """Of some effects, from what they add."""
+        return Added(of_runs, self._between(of_runs, of_runs), self._between(self.likelihood.shared, of_runs))
 
-    def shapes_of(self, name: str) -> Columns:
+    def shapes_of(self, name: str) -> Added:
         """The first size of every shape of an effect, worked out once."""
         if name not in self._shapes_of:
-            self._shapes_of[name] = self.columns(self.shapes.first(self.shapes.of(name)))
+            self._shapes_of[name] = self.added(self.shapes.first(self.shapes.of(name)))
         return self._shapes_of[name]
 
-    def across(self, left: Columns, right: Columns) -> Samples:
-        """(blocks, k, q) of two."""
-        return left.own if left is right else self._across(left.of_runs, right.of_runs)
+    def first(self, name: str, shape: int) -> Added:
+        """The first size of one of these."""
+        return self.shapes_of(name).one(shape)
 
-    def _across(self, left: Coefficients, right: Coefficients) -> Samples:
+    def across(self, left: Added, right: Added) -> Samples:
+        """(blocks, k, q) of two."""
+        return left.own if left is right else self._between(left.of_runs, right.of_runs)
+
+    def _between(self, left: Coefficients, right: Coefficients) -> Samples:
         parts = zip(self.likelihood.runs, left, right, strict=True)
         return np.concatenate([run.products(np.asarray(a, float), np.asarray(b, float)) for run, a, b in parts])

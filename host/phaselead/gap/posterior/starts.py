@@ -28,6 +28,8 @@ DIFFERENT = 2
 """Shapes of one effect from which it is begun, of different forms where it has some."""
 LEAST_POWER = 1e-6
 """Precision of a size, in squares of a typical one, below which the records say nothing of it."""
+TAIL_STEPS = 5
+"""In which the most likely amount in the tails of the prior is found."""
 FINE_MODES = 9
 """Frequencies about each of the best on the coarse grid at which a mode is tried, damped as flexures are."""
 
@@ -148,10 +150,10 @@ class Starts:
         """Every group with the sizes that explain most of what a set leaves."""
         found = []
         for group, slope, curvature in self.moments(fit, groups, columns):
-            amounts = np.linalg.solve(curvature + np.eye(len(slope)) * (_in_typical_sizes(group) / LARGEST) ** 2, slope)
+            amounts, gain = _likeliest(slope, curvature, _in_typical_sizes(group))
             params = bounded(group.effect, group.params(amounts.tolist()))
             of_size = group.effect.basis is not None or bool(1 / APART <= np.abs(amounts).max() <= APART)
-            found.append(Start((group.effect, params), 0.5 * float(slope @ amounts), of_size))
+            found.append(Start((group.effect, params), gain, of_size))
         return found
 
     def moments(
@@ -194,6 +196,20 @@ class Starts:
             (group, slopes[at], products - taken[np.ix_(at, at)])
             for group, at, products in zip(groups, places, own, strict=True)
         ]
+
+
+def _likeliest(slope: Samples, curvature: Samples, unit: float) -> tuple[Samples, float]:
+    """Amounts (sizes,) in steps of so many typical sizes, and the log units that they bring: the most likely within the
+    usual sizes, or far out in the tails of their prior, where that brings more. Records that an effect of many times
+    its size makes outliers say little of it, and usual sizes explain next to nothing of them."""
+    diagonal = np.eye(len(slope)) * unit**2
+    near: Samples = np.asarray(np.linalg.solve(curvature + diagonal / LARGEST**2, slope), np.float64)
+    gain = 0.5 * float(slope @ near)
+    far: Samples = np.asarray(np.linalg.solve(curvature + diagonal * LEAST_POWER, slope), np.float64)
+    for _ in range(TAIL_STEPS):
+        far[:] = np.linalg.solve(curvature + 2 * diagonal / (LARGEST**2 + (far * unit) ** 2), slope)
+    out = float(slope @ far - 0.5 * far @ curvature @ far - np.log1p((far * unit / LARGEST) ** 2).sum())
+    return (far, out) if out > gain else (near, gain)
 
 
 def _in_typical_sizes(group: RegressorGroup) -> float:

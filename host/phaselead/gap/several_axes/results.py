@@ -322,7 +322,7 @@ def _candidates(found: StageFit, axis: str) -> list[Candidate]:
 def _traces(found: StageFit, after: HeldOutPrediction, held_out: Sequence[GapRun], axis: str) -> list[Trace]:
     return [
         Trace(
-            run.name, axis, run.t_s[run.rows], run.u_V[run.rows], run.x_um[run.rows],
+            run.name, axis, run.file_t_s[run.rows], run.u_V[run.rows], run.x_um[run.rows],
             found.before.model_um[axis][i], after.model_um[axis][i],
         )
         for i, run in enumerate(held_out)
