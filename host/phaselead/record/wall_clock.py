@@ -20,7 +20,7 @@ def t0_facts(unix_s: float | None, later_s: float) -> dict[str, str]:
 
 
 def t0_unix_s(meta: Mapping[str, Any]) -> float | None:
-    """Unix time of t_s = 0 by the attributes of a recording; None where they do not say, or not in UTC."""
+    """Unix time of t_s = 0 by the attributes of a recording; None where they say no time of a zone."""
     with contextlib.suppress(ValueError):
         t0 = datetime.fromisoformat(str(meta.get(T0_UTC)))
         return t0.timestamp() if t0.tzinfo is not None else None
