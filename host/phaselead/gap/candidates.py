@@ -12,8 +12,8 @@ HIGHEST_OF_RATE = 0.45
 """Of the sampling rate: no frequency is looked for above it, where sampling shows no more of a period than its ends."""
 NEEDS_FROZEN = "can be told only against a frozen base: give --reference records, or --frozen"
 NEEDS_SESSION = (
-    "a zero that moved shows only against a session before it: give three driven records and one at rest as --reference, "
-    "and of the session itself three driven ones to train on, one to hold out, and one at rest"
+    "a zero that moved shows only against a session before it: give three driven records and one at rest as "
+    "--reference, and of the session itself three driven ones to train on, one to hold out, and one at rest"
 )
 
 
