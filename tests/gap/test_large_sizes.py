@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 from scipy.integrate import quad
 from test_far_above_references import answer, drifting, sessions
 
-from phaselead.gap.posterior.priors import KNOWN_BEFORE, prior_of
+from phaselead.gap.posterior.priors import KNOWN_BEFORE, LARGEST, prior_of
+from phaselead.gap.posterior.starts import _likeliest
 from phaselead.model import catalogue
 
 
@@ -74,3 +75,22 @@ def test_a_drift_of_many_times_the_typical_rate_is_named_and_of_its_size(rate_um
     value, _, (low, high) = drift.params["ramp_um_per_s"]
     assert low <= rate_um_per_s <= high
     assert value == pytest.approx(rate_um_per_s, rel=0.3)
+
+
+@given(st.floats(50, 1000), st.floats(100, 1e4), st.floats(0.1, 10))
+def test_a_search_begins_at_a_size_far_out_where_the_records_say_so(times, squares, unit):
+    """However little each record says of it: an effect that makes outliers of them leaves them little weight."""
+    true = times / unit
+    curvature = np.array([[squares / true**2]])
+    amounts, gain = _likeliest(curvature[0] * true, curvature, unit)
+    assert amounts[0] == pytest.approx(true, rel=0.1)
+    assert 0 < gain < squares / 2
+
+
+@given(st.floats(-1, 1), st.floats(1e-3, 1e3), st.integers(1, 3))
+def test_and_never_at_one_that_brings_less_than_the_usual_sizes(times, squares, sizes):
+    curvature = squares * np.eye(sizes)
+    amounts, gain = _likeliest(curvature @ np.full(sizes, times), curvature, 1.0)
+    usual = np.linalg.solve(curvature + np.eye(sizes) / LARGEST**2, curvature @ np.full(sizes, times))
+    assert gain >= 0.5 * times * squares * usual.sum() - 1e-12
+    assert (np.abs(amounts) <= abs(times) + 1e-9).all()
