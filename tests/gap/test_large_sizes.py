@@ -82,7 +82,7 @@ def test_a_search_begins_at_a_size_far_out_where_the_records_say_so(times, squar
     """However little each record says of it: an effect that makes outliers of them leaves them little weight."""
     true = times / unit
     curvature = np.array([[squares / true**2]])
-    amounts, gain = _likeliest(curvature[0] * true, curvature, unit)
+    amounts, gain = _likeliest(curvature[0] * true, curvature, unit, True)
     assert amounts[0] == pytest.approx(true, rel=0.1)
     assert 0 < gain < squares / 2
 
@@ -90,7 +90,7 @@ def test_a_search_begins_at_a_size_far_out_where_the_records_say_so(times, squar
 @given(st.floats(-1, 1), st.floats(1e-3, 1e3), st.integers(1, 3))
 def test_and_never_at_one_that_brings_less_than_the_usual_sizes(times, squares, sizes):
     curvature = squares * np.eye(sizes)
-    amounts, gain = _likeliest(curvature @ np.full(sizes, times), curvature, 1.0)
+    amounts, gain = _likeliest(curvature @ np.full(sizes, times), curvature, 1.0, True)
     usual = np.linalg.solve(curvature + np.eye(sizes) / LARGEST**2, curvature @ np.full(sizes, times))
     assert gain >= 0.5 * times * squares * usual.sum() - 1e-12
     assert (np.abs(amounts) <= abs(times) + 1e-9).all()

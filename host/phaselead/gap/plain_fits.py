@@ -82,6 +82,8 @@ class _Free:
 class _PlainStarts(Starts):
     """Starts that explain most squares in um beside the base alone: no coefficient counts more than another."""
 
+    with_outliers = False
+
     def __init__(self, likelihood: Likelihood, effects: Sequence[Effect], free: _Free) -> None:
         super().__init__(likelihood, effects)
         self._free = free

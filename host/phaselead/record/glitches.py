@@ -6,7 +6,6 @@ from collections.abc import Iterable
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import median_filter
 
 from phaselead.errors import more_like_it
 from phaselead.record.axis_record import Samples
@@ -43,6 +42,8 @@ def glitches(x_um: Samples, u_V: Samples | None = None) -> NDArray[np.intp]:
 
 def _off_median(values: Samples) -> Samples:
     """How far each row of a column (n,) is from the median of those about it."""
+    from scipy.ndimage import median_filter  # slow to load, and most commands look at no positions
+
     return np.asarray(np.abs(values - median_filter(values, NEAR, mode="nearest")))
 
 

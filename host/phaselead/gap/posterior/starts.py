@@ -57,6 +57,9 @@ class SizedGroup:
 class Starts:
     """Of all effects of a catalogue beside any set."""
 
+    with_outliers = True
+    """Whether records that are far off count for less, so that usual sizes may explain next to nothing of them."""
+
     def __init__(self, likelihood: Likelihood, effects: Sequence[Effect]) -> None:
         self.likelihood = likelihood
         self.effects = effects
@@ -150,9 +153,10 @@ class Starts:
         """Every group with the sizes that explain most of what a set leaves."""
         found = []
         for group, slope, curvature in self.moments(fit, groups, columns):
-            amounts, gain = _likeliest(slope, curvature, _in_typical_sizes(group))
+            linear = group.effect.basis is not None
+            amounts, gain = _likeliest(slope, curvature, _in_typical_sizes(group), linear and self.with_outliers)
             params = bounded(group.effect, group.params(amounts.tolist()))
-            of_size = group.effect.basis is not None or bool(1 / APART <= np.abs(amounts).max() <= APART)
+            of_size = linear or bool(1 / APART <= np.abs(amounts).max() <= APART)
             found.append(Start((group.effect, params), gain, of_size))
         return found
 
@@ -198,13 +202,15 @@ class Starts:
         ]
 
 
-def _likeliest(slope: Samples, curvature: Samples, unit: float) -> tuple[Samples, float]:
+def _likeliest(slope: Samples, curvature: Samples, unit: float, linear: bool) -> tuple[Samples, float]:
     """Amounts (sizes,) in steps of so many typical sizes, and the log units that they bring: the most likely within the
-    usual sizes, or far out in the tails of their prior, where that brings more. Records that an effect of many times
-    its size makes outliers say little of it, and usual sizes explain next to nothing of them."""
+    usual sizes or, of an effect that is ``linear`` in them, far out in the tails of their prior, where that brings
+    more: records that an effect of many times its size makes outliers say little of it."""
     diagonal = np.eye(len(slope)) * unit**2
     near: Samples = np.asarray(np.linalg.solve(curvature + diagonal / LARGEST**2, slope), np.float64)
     gain = 0.5 * float(slope @ near)
+    if not linear:
+        return near, gain
     far: Samples = np.asarray(np.linalg.solve(curvature + diagonal * LEAST_POWER, slope), np.float64)
     for _ in range(TAIL_STEPS):
         far[:] = np.linalg.solve(curvature + 2 * diagonal / (LARGEST**2 + (far * unit) ** 2), slope)
