@@ -210,7 +210,7 @@ def proposal(one: Excitation) -> NextExperiment:
 
 def test_what_is_predicted_is_a_stage_that_comes_from_rest():
     """Not from the memory with which the model would move least."""
-    axis = replace_loop(reference()[0].axes["x"])
+    axis = one_wide_loop(reference()[0].axes["x"])
     run = run_of(sine(4, 5) + 3.0, "train").run
     unmeasured = replace(run, x_um=np.zeros_like(run.x_um))
     from_rest = Chain(axis, run.t_s, run.u_V).run()[run.rows]
@@ -218,7 +218,7 @@ def test_what_is_predicted_is_a_stage_that_comes_from_rest():
     assert not np.allclose(modelled_run(axis, unmeasured).answer(), from_rest)
 
 
-def replace_loop(axis: AxisModel) -> AxisModel:
+def one_wide_loop(axis: AxisModel) -> AxisModel:
     """An axis of one wide loop."""
     assert axis.time is not None
     one = axis.time.model_copy(update={"play_r_V": (2.0,), "play_w_um_per_V": (5.0,)})

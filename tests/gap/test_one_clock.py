@@ -57,14 +57,14 @@ def test_windows_of_one_record_stay_one_after_the_other():
     assert seconds_into_session([*parts, taken(5e8 + 60)]) == pytest.approx([0.0, 0.0, 60.0])
 
 
-def session(began_s, count, drifts_um_per_s=0.0, base_drifts_um_per_s=0.0, seed=0):
+def session(began_s, count, drifts_um_per_s=0.0, seed=0):
     """Records of a straight line, 10 s apart, each from 0 s on; the last is at rest."""
     rng, found = np.random.default_rng(seed), []
     t_s = np.arange(4 * RATE_HZ) / RATE_HZ
     for i in range(count):
         level_V = 0.0 if i == count - 1 else 2.0 + i
         u_V = level_V / 2 * (1 - np.cos(2 * np.pi * (1 + i) * t_s))
-        drift_um = (drifts_um_per_s + base_drifts_um_per_s) * (t_s + 10.0 * i)
+        drift_um = drifts_um_per_s * (t_s + 10.0 * i)
         x_um = 10 * u_V + drift_um + rng.normal(0, 0.01) + rng.normal(0, 0.005, len(t_s))
         name, meta = f"{seed}-{i}.h5", t0_facts(began_s, 10.0 * i)
         found.append(Recording(t_s, {"x": AxisRecord(u_V, x_um)}, source=name, meta=meta))
@@ -75,7 +75,7 @@ def without_clock(records):
     return [replace(record, meta={}) for record in records]
 
 
-def by_the_clock(records, began_s):
+def by_the_clock(records):
     """The same with times that need no attribute."""
     return [replace(r, meta={}, t_s=r.t_s + 10.0 * i) for i, r in enumerate(records)]
 
@@ -90,9 +90,9 @@ def test_the_attribute_and_times_of_one_clock_give_the_same_answer():
     reference = session(4e8, 5, seed=1)
     later = session(5e8, 9, drifts_um_per_s=0.02, seed=2)
     stage, _ = fit(reference)
-    counted = by_the_clock(later, 5e8)
+    counted = by_the_clock(later)
     said = answer(stage, (reference, [*later[:5], later[8]], later[5:8]))
-    same = answer(stage, (by_the_clock(reference, 4e8), [*counted[:5], counted[8]], counted[5:8]))
+    same = answer(stage, (by_the_clock(reference), [*counted[:5], counted[8]], counted[5:8]))
     alone = answer(stage, tuple(map(without_clock, (reference, [*later[:5], later[8]], later[5:8]))))
     assert [e.name for e in said.effects] == [e.name for e in same.effects] == ["thermal_drift"]
     (mine,), (theirs,) = said.effects, same.effects
@@ -102,13 +102,13 @@ def test_the_attribute_and_times_of_one_clock_give_the_same_answer():
 
 
 def test_a_base_that_drifts_hides_nothing_in_sessions_a_day_apart():
-    reference, later = session(4e8, 5, base_drifts_um_per_s=5e-4, seed=1), session(4e8 + DAY_s, 9, 0.0, 5e-4, seed=2)
+    reference, later = session(4e8, 5, 5e-4, seed=1), session(4e8 + DAY_s, 9, 5e-4, seed=2)
     stage, _ = fit(reference)
     drifting = stage.with_effect("thermal_drift", ramp_um_per_s=5e-4, rise_um=0.0)
     assert answer(drifting, (reference, [*later[:5], later[8]], later[5:8])).verdicts == ("none",)
 
 
-def test_refusals_and_pictures_name_the_times_of_the_files():
+def test_runs_count_from_their_session_and_know_the_times_of_their_files():
     line = AxisModel(time=TimeView(gain_um_per_V=10.0, u_range_V=(0.0, 10.0), rate_Hz=float(RATE_HZ)))
     later = session(5e8, 4, seed=3)
     runs = axis_runs(Stage(name="line", axes={"x": line}), later[:2], later[2:], [])["x"]

@@ -202,14 +202,14 @@ class Starts:
         ]
 
 
-def _likeliest(slope: Samples, curvature: Samples, unit: float, linear: bool) -> tuple[Samples, float]:
+def _likeliest(slope: Samples, curvature: Samples, unit: float, far_out: bool) -> tuple[Samples, float]:
     """Amounts (sizes,) in steps of so many typical sizes, and the log units that they bring: the most likely within the
-    usual sizes or, of an effect that is ``linear`` in them, far out in the tails of their prior, where that brings
-    more: records that an effect of many times its size makes outliers say little of it."""
+    usual sizes or, if asked (``far_out``), in the tails of their prior, where that brings more: records that an effect
+    of many times its size makes outliers say little of it."""
     diagonal = np.eye(len(slope)) * unit**2
     near: Samples = np.asarray(np.linalg.solve(curvature + diagonal / LARGEST**2, slope), np.float64)
     gain = 0.5 * float(slope @ near)
-    if not linear:
+    if not far_out:
         return near, gain
     far: Samples = np.asarray(np.linalg.solve(curvature + diagonal * LEAST_POWER, slope), np.float64)
     for _ in range(TAIL_STEPS):
