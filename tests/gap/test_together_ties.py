@@ -46,7 +46,7 @@ def records():
 def searched(records, monkeypatch, without: tuple[str, ...]):
     """The search, where a dead band is fitted with the modes in place of ``crossover_distortion``, its rival."""
 
-    def effects(left_out):
+    def effects(left_out=()):
         found = catalogue(left_out)
         fitted = {name: replace(found[name], fitted_with_modes=name == "dead_band") for name in IN_FRONT}
         return {**found, **fitted}

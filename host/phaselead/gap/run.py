@@ -80,7 +80,8 @@ def run_gap(
 def _about_drift(found: GapResult, runs: Mapping[str, Sequence[GapRun]]) -> list[str]:
     """From when an adopted drift counts, where that is not the 0 s of each file."""
     later = [run for of_axis in runs.values() for run in of_axis if run.role != "reference" and run.later_s > 0]
-    drifts = [one.name for one in found.adopted if catalogue()[one.name].moves_zero == "steadily"]
+    known = catalogue()
+    drifts = [one.name for one in found.adopted if known[one.name].moves_zero == "steadily"]
     if not later or not drifts:
         return []
     return [

@@ -20,6 +20,7 @@ from phaselead.identify.operator.starting_memories import (
     LIKELY_MEMORY,
     OTHER_MEMORY,
     told_memories,
+    with_like_offsets,
     with_memories,
 )
 from phaselead.identify.runs import AxisRun
@@ -102,6 +103,9 @@ def _told(records: Records, first: Solution) -> tuple[Records, Solution, list[st
         for again in range(MEMORY_ROUNDS):
             share, own_offsets = (OTHER_MEMORY, records.own_offsets) if again else (LIKELY_MEMORY, True)
             fits, said = with_memories(records.fits, found, share, own_offsets)
+            if own_offsets and not records.own_offsets:
+                fits = with_like_offsets(fits, found)
+                said = told_memories(fits)
             memories = [f.turned_V for f in fits]
             if memories in tried or not any(turned_V is not None for turned_V in memories):
                 break

@@ -217,6 +217,39 @@ def _with_memory(fit: FitRun, operator: Leaves, points_V: Sequence[float], share
     return replace(fit, turned_V=turned_V)
 
 
+def with_like_offsets(fits: Sequence[FitRun], operator: Leaves) -> list[FitRun]:
+    """The records with their first turns moved to where their offsets are most alike.
+
+    How far the first turn went is often nothing but an offset: with offsets of their own, rounding tells which of the
+    ways that leave a record alike it is, and an operator of one offset for all bends for what they then differ by.
+    """
+    each = [_alike(fit, operator, _turning_points_V(fits)) for fit in fits]
+
+    def nearest(of_record: list[tuple[FitRun, float]], to_um: float) -> tuple[FitRun, float]:
+        return min(of_record, key=lambda one: abs(one[1] - to_um))
+
+    def spread(to_um: float) -> float:
+        return sum((nearest(ways, to_um)[1] - to_um) ** 2 / ways[0][0].run.range_um ** 2 for ways in each)
+
+    common_um = min((mean_um for ways in each for _, mean_um in ways), key=spread)
+    return [nearest(ways, common_um)[0] for ways in each]
+
+
+def _alike(fit: FitRun, operator: Leaves, points_V: Sequence[float]) -> list[tuple[FitRun, float]]:
+    """The record after each way that leaves it as the one that it has, and what that leaves on average, in um."""
+    left_um = operator.residual(fit)
+    found = [(fit, float(left_um.mean()))]
+    if not fit.turned_V:
+        return found
+    quick, first_V = operator.residuals_of(fit), 0.0 if fit.run.begins_at_0_V else float(fit.run.u_V[0])
+    for volt in points_V:
+        turns = (volt, *fit.turned_V[1:])
+        moved_um = quick(turns)
+        if _remembered(turns, first_V) and ALIKE * np.var(moved_um) <= np.var(left_um):
+            found.append((replace(fit, turned_V=turns), float(moved_um.mean())))
+    return found
+
+
 def told_memories(fits: Sequence[FitRun]) -> list[str]:
     """What is said of where these records start."""
     return _message([_named(fit) for fit in fits if fit.turned_V], len(fits))
