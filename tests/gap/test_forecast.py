@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from phaselead.gap.bounds import upper_bounds
+from phaselead.gap.parameters import SizedEffect
 from phaselead.gap.posterior import Contest, Forecast, Likelihood, likelihood_of
 from phaselead.gap.records import GapRun
 from phaselead.gap.residual import modelled_run
@@ -80,6 +81,37 @@ def test_it_does_not_matter_where_the_parameters_of_a_rival_stood(rival, lines):
     beside = separation(LAG_s, lines)
     assert separation(LAG_s, lines, rival=rival) == pytest.approx(beside, rel=0.2)
     assert separation(LAG_s, lines, rival=rival, free=False) > 2 * beside
+
+
+def lag_or_delay() -> list[tuple[SizedEffect]]:
+    return [((effect("sensor_lowpass"), {"tau_s": LAG_s}),), ((effect("delay"), {"delay_s": LAG_s}),)]
+
+
+def test_what_the_base_may_lack_in_all_records_makes_it_harder():
+    """Here what a lag and a delay differ by, which slow records do not show. A fast reference record says that it is
+    not lacking."""
+    proposed = modelled_run(LINE, replace(run_of(wave(FAST), "train", 0), x_um=np.zeros(ROWS)))
+    sets = lag_or_delay()
+
+    def between(run):
+        return run.coefficients((run.modelled.answer(sets[0]) - run.modelled.answer(sets[1]))[:, None])
+
+    with_fast = learned(LAG_s)
+    slow_alone = likelihood_of([run.modelled for i, run in enumerate(with_fast.runs) if i != 1])
+    for likelihood, least, most in ((with_fast, 0.7, 1.0), (slow_alone, 0.0, 0.5)):
+        apart = [
+            Forecast(of, sets).squared_distances(proposed)[1, 0] for of in (likelihood, likelihood.missing(between))
+        ]
+        assert least * apart[0] <= apart[1] <= most * apart[0]
+
+
+def test_what_may_be_missed_in_all_records_is_known_of_any_other():
+    lag, delay = (one for (one,) in lag_or_delay())
+    likelihood = learned(LAG_s).knowing([lag, delay]).with_misfit_of([lag])
+    assert likelihood.among_shared.size > 3
+    for run, columns in zip(likelihood.runs, likelihood.shared, strict=True):
+        found = likelihood.shared_in(run)
+        assert found[run.first_octave :] == pytest.approx(columns[run.first_octave :], abs=1e-12)
 
 
 def test_a_set_is_at_no_distance_from_itself():

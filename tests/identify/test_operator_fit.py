@@ -143,10 +143,10 @@ def test_a_session_in_one_go(order):
         assert any("do not start from rest" in m for m in fit.messages)
         assert error_pct(fit.view, wandering(ASYMMETRIC, 1)).max() < 1.0
         assert fit.view.rest_fraction == pytest.approx(0.55, abs=0.05)
-    else:  # only the first record comes from rest; told one by one, all seemed to, with 0.999 for 0.55
-        assert all(r.turned_V == pytest.approx((10.0,), rel=0.01) for r in fit.records[2:])
-        assert error_pct(fit.view, wandering(ASYMMETRIC, 1)).max() < 2.0
-        assert all(r.rms_um < 0.005 * r.range_um for r in fit.records)
+    else:  # all but the first come from 10 V, which for the smaller ones is an offset beside coming from 6 V
+        assert all(r.turned_V is not None for r in fit.records[1:])
+        assert error_pct(fit.view, wandering(ASYMMETRIC, 1)).max() < 0.5
+        assert all(r.rms_um < 0.001 * r.range_um for r in fit.records)
 
 
 def test_a_session_with_creep():

@@ -21,25 +21,31 @@ class Forecast:
     def __init__(self, likelihood: Likelihood, sets: Sequence[Sequence[SizedEffect]]) -> None:
         self._likelihood = likelihood
         self._fits: list[Fit] = [likelihood.fit(entries, steps=0) for entries in sets]
+        self._settled = [self._shared_amounts(fit) for fit in self._fits]
+        self._covariances = [likelihood.covariances(fit.terms, [fit.share])[0] for fit in self._fits]
 
     def squared_distances(self, modelled: ModelledRun, free: bool = True) -> Samples:
         """(sets, sets) in squared deviations between the answer of one set, which is true, and of another. Half of it
         is the log odds to be expected.
 
-        ``modelled`` is the run without a measurement. ``free``: whether the parameters of the other set move as far as
-        the records there are allow.
+        ``modelled`` is the run without a measurement. ``free``: whether the base lacks what each set says that it does
+        in all records, and whether that and the parameters of the other set move as far as the records there are allow.
         """
         run = BlockedRun(modelled, self._likelihood.runs[0].usual_um)
         answers = np.stack([modelled.answer(fit.entries) for fit in self._fits], axis=1)
         answer = run.coefficients(answers)
-        tangents = [self._tangents(run, fit) if free else np.zeros((len(answer), 0)) for fit in self._fits]
+        tangents = [np.zeros((len(answer), 0)) for _ in self._fits]
+        if free:
+            shared = self._likelihood.shared_in(run)
+            answer += np.stack([shared @ amounts for amounts in self._settled], axis=1)
+            tangents = [np.concatenate([self._tangents(run, fit), shared], axis=1) for fit in self._fits]
         found = np.zeros((len(self._fits),) * 2)
         for j, true in enumerate(self._fits):
             variance, n = self._power_and_count(run, true)
-            for i, other in enumerate(self._fits):
+            for i in range(len(self._fits)):
                 if i != j:
                     columns = np.concatenate([tangents[i], answer[:, [j]] - answer[:, [i]]], axis=1)
-                    found[i, j] = _apart(run.products(columns, columns), variance, n, other.covariance)
+                    found[i, j] = _apart(run.products(columns, columns), variance, n, self._covariances[i])
         return found
 
     def _power_and_count(self, run: BlockedRun, true: Fit) -> tuple[Samples, Samples]:
@@ -53,6 +59,10 @@ class Forecast:
         missed = missed_um2(true.share, added.sum(axis=0), added[is_of_material(true.entries)].sum(axis=0))
         may_be_missed = may_be_missed_um2(base, added.sum(axis=0))
         return noise + base + missed, self._likelihood.expected.counted(run.octaves, run.sizes, noise, may_be_missed)
+
+    def _shared_amounts(self, fit: Fit) -> Samples:
+        """(k,) of what may be missed in all records, as the records there are have it beside a set."""
+        return self._likelihood.settled(fit.terms, [fit.share]).amounts.common[0, :, 0]
 
     def _tangents(self, run: BlockedRun, fit: Fit) -> Samples:
         """Coefficients (n, parameters): what one internal unit of each parameter does."""

@@ -42,3 +42,8 @@ def zeros_of_sessions(runs: Sequence[BlockedRun]) -> list[Samples]:
             zeros[0, sessions.index(run.modelled.run.role)] = farthest_um
         found.append(zeros)
     return found
+
+
+def in_no_session(zeros: Sequence[Samples], run: BlockedRun) -> Samples:
+    """Coefficients (n, sessions) of the ``zeros`` in a run that belongs to none of their sessions."""
+    return np.zeros((run.edges[-1], zeros[0].shape[1]))

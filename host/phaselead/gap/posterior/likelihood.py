@@ -14,8 +14,9 @@ variance, Student's t takes the place of the normal distribution.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -58,6 +59,10 @@ NEGLIGIBLE = 1e-3
 """Probability of a share below which it does not widen an interval."""
 
 
+Part = Callable[[BlockedRun], Samples]
+"""Coefficients (n, k) in a run of something that may be missed in all records alike, one prior deviation each."""
+
+
 @dataclass
 class Likelihood:
     """Of sets of effects beside one base."""
@@ -66,6 +71,8 @@ class Likelihood:
     expected: Expected
     shared: tuple[Samples, ...]
     """Per run the coefficients (n, k) of what the base may miss in all records alike, one prior deviation each."""
+    shared_by: tuple[Part, ...] = ()
+    """What makes these columns, in this order, for any run."""
     known: tuple[SizedEffect, ...] = ()
     """Effects that explain much, by themselves or beside others: what may be taken for one another."""
 
@@ -103,12 +110,18 @@ class Likelihood:
         known = (*self.known, *effects)
         if all(run.changed for run in self.runs):
             return replace(self, known=known)
-        faults = with_levels_about_their_sessions(
-            self.runs, [run.coefficients(as_fault(run.modelled, effects)) for run in self.runs]
-        )
-        pairs = zip(self.shared, faults, strict=True)
-        shared = tuple(np.concatenate(pair, axis=1) for pair in pairs)
-        return replace(self, shared=shared, known=known)
+        return replace(self.missing(lambda run: run.coefficients(as_fault(run.modelled, effects))), known=known)
+
+    def missing(self, *parts: Part) -> Likelihood:
+        """The same, where these may be missed in all records too."""
+        made = [[part(run) for run in self.runs] for part in parts]
+        added = [with_levels_about_their_sessions(self.runs, columns) for columns in made]
+        shared = tuple(np.concatenate(of_run, axis=1) for of_run in zip(self.shared, *added, strict=True))
+        return replace(self, shared=shared, shared_by=(*self.shared_by, *parts))
+
+    def shared_in(self, run: BlockedRun) -> Samples:
+        """Coefficients (n, k) of the shared columns in a run that is none of these, and belongs to no session."""
+        return np.concatenate([np.zeros((run.edges[-1], 0)), *(part(run) for part in self.shared_by)], axis=1)
 
     def without_held_out(self) -> Likelihood:
         """Of the other records alone: what is fitted to them may be judged on the held-out ones."""
@@ -118,25 +131,17 @@ class Likelihood:
     def with_misfit_of(self, entries: Sequence[SizedEffect]) -> Likelihood:
         """The same, where what the equations of some effects miss may look like the known ones that they are confused
         with, and, since one of those may be what is there, what its equation misses like the effect itself."""
-        shared = list(self.shared)
+        parts = []
         for i, (effect, _) in enumerate(entries):
             size = self._size_um(entries, i)
             rivals = [rival for rival in self.known if confused(effect, rival[0])]
             alike = [(one, self._size_um([one], 0)) for one in (*rivals, *([entries[i]] if rivals else []))]
-            seen = [(one, um) for one, um in alike if um > 0]
-            like_them = with_levels_about_their_sessions(self.runs, [self._like(run, seen) for run in self.runs])
+            like = partial(_like, [(one, um) for one, um in alike if um > 0])
+            like_them = with_levels_about_their_sessions(self.runs, [like(run) for run in self.runs])
             in_all = np.sqrt(sum(_squares(run, like) for run, like in zip(self.runs, like_them, strict=True)))
             if in_all > 0:
-                for j, like in enumerate(like_them):
-                    shared[j] = np.concatenate([shared[j], LIKE_RIVALS * size / in_all * like], axis=1)
-        return replace(self, shared=tuple(shared))
-
-    @staticmethod
-    def _like(run: BlockedRun, alike: Sequence[tuple[SizedEffect, float]]) -> Samples:
-        """Coefficients (n, k) of all that some effects may take, one prior deviation of a parameter each, for 1 um
-        of what each adds."""
-        each = [run.simulated([e]).of_tangents(len(e[0].parameters)) * fault_deviations(e) / um for e, um in alike]
-        return np.concatenate([np.zeros((run.edges[-1], 0)), *each], axis=1)
+                parts.append(partial(_scaled, LIKE_RIVALS * size / in_all, like))
+        return self.missing(*parts)
 
     def _size_um(self, entries: Sequence[SizedEffect], index: int) -> float:
         """Root of the squares, over all records about their means, of what one effect adds to the others."""
@@ -315,12 +320,11 @@ class Likelihood:
         moves_zero = any(effect.moves_zero is not None for effect, _ in terms.entries)
         return np.where(self._is_level, float(moves_zero), told_once)
 
-    def _covariances(self, terms: Terms, shares: Sequence[float]) -> Samples:
-        """(s, p, p) of the parameters in internal units."""
+    def covariances(self, terms: Terms, shares: Sequence[float]) -> Samples:
+        """(s, p + k, p + k) of the parameters in internal units, and of the amounts of the shared columns."""
         independent = self.independent(terms, shares, terms.signal)
         normal, _ = self.information(terms, shares, independent=independent)
-        p = len(terms.prior.centre)
-        return np.asarray(np.linalg.inv(normal.reduced)[:, :p, :p])
+        return np.asarray(np.linalg.inv(normal.reduced))
 
     def likeliest_share(self, terms: Terms, near: float | None = None) -> tuple[float, float]:
         """The most likely share, after the log density there: of all, or by steps from that of a set like it."""
@@ -404,7 +408,8 @@ class Likelihood:
         if p:
             probability = likely / likely.sum()
             kept = np.flatnonzero(probability > NEGLIGIBLE)
-            covariance = np.tensordot(probability[kept], self._covariances(terms, [grid[i] for i in kept]), 1)
+            joint = self.covariances(terms, [grid[i] for i in kept])
+            covariance = np.tensordot(probability[kept], joint[:, :p, :p], 1)
         levels = [self._log_levels(terms, share, held_out) for held_out in (True, False)]
         return Fit(terms, _log_sum(every), _log_sum(fitted), named, share, covariance, *levels)
 
@@ -442,6 +447,17 @@ class Likelihood:
         normal, _ = self.information(terms, shares, held_out)
         volume = 0.5 * (len(terms.prior.centre) * np.log(2 * np.pi) - normal.log_determinant)
         return np.asarray(self.log_joint(terms, shares, held_out) + volume)
+
+
+def _like(alike: Sequence[tuple[SizedEffect, float]], run: BlockedRun) -> Samples:
+    """Coefficients (n, k) of all that some effects may take, one prior deviation of a parameter each, for 1 um of what
+    each adds."""
+    each = [run.simulated([e]).of_tangents(len(e[0].parameters)) * fault_deviations(e) / um for e, um in alike]
+    return np.concatenate([np.zeros((run.edges[-1], 0)), *each], axis=1)
+
+
+def _scaled(factor: float, part: Part, run: BlockedRun) -> Samples:
+    return factor * part(run)
 
 
 def _squares(run: BlockedRun, columns: Samples) -> float:

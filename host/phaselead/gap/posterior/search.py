@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 
@@ -12,7 +13,7 @@ from phaselead.gap.parameters import SizedEffect, stands_at_an_end
 from phaselead.gap.posterior.blocks import blocked
 from phaselead.gap.posterior.detectable import detectable
 from phaselead.gap.posterior.expected import expected_of
-from phaselead.gap.posterior.levels import with_levels_about_their_sessions, zeros_of_sessions
+from phaselead.gap.posterior.levels import in_no_session, zeros_of_sessions
 from phaselead.gap.posterior.likelihood import Likelihood
 from phaselead.gap.posterior.priors import log_prior_of_set
 from phaselead.gap.posterior.sets import Fit, Names, confused, has_history, names_of
@@ -85,13 +86,11 @@ def likelihood_of(runs: Sequence[ModelledRun], base_may_be_off: bool = False, op
     """Of what effects do in the runs that are no reference. ``base_may_be_off``: its gain, plays and bends, as far as
     no reference record holds them. ``open_plays``: these were fitted to the training records."""
     every = blocked(runs)
-    expected = expected_of(every)
-    shared = zeros_of_sessions(every)
-    if base_may_be_off:
-        off = [run.coefficients(base_columns(run.modelled, open_plays)) for run in every]
-        pairs = zip(shared, with_levels_about_their_sessions(every, off), strict=True)
-        shared = [np.concatenate(pair, axis=1) for pair in pairs]
-    return Likelihood(tuple(every), expected, tuple(shared))
+    zeros = zeros_of_sessions(every)
+    likelihood = Likelihood(tuple(every), expected_of(every), tuple(zeros), (partial(in_no_session, zeros),))
+    if not base_may_be_off:
+        return likelihood
+    return likelihood.missing(lambda run: run.coefficients(base_columns(run.modelled, open_plays)))
 
 
 def search_sets(likelihood: Likelihood, effects: Sequence[Effect], on_progress: Callable[[float], None]) -> Contest:

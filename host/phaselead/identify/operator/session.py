@@ -53,6 +53,10 @@ def from_their_memories(records: Records, modes: tuple[Mode, ...]) -> tuple[Reco
         if np.median(offsets) > DRIFT or of_apart.error**2 < OTHER_MEMORY * min(judged) ** 2:
             message = f"the records differ in offset by more than {100 * DRIFT:g} % of their range: each has its own"
             return apart, of_apart, [message, *also]
+    if first.error**2 < OTHER_MEMORY * min(judged) ** 2:  # settled rows show that better memories may be there
+        likest = _told(records, first, like_offsets=True)
+        if _counted_least(*likest[:2]) ** 2 < OTHER_MEMORY * min(judged) ** 2:
+            session, found, said = likest
     session = replace(session, offset_weight=_weight_seen(session, found))
     return session, searched_from(session, found), said
 
@@ -77,8 +81,9 @@ def _of_settled_rows(records: Records, modes: tuple[Mode, ...]) -> Solution:
     return late.at(basis, found.delay_s, found.rest_fraction, found.modes)
 
 
-def _told(records: Records, first: Solution) -> tuple[Records, Solution, list[str]]:
-    """The same for what offsets count in these records; ``first`` is of settled rows.
+def _told(records: Records, first: Solution, *, like_offsets: bool = False) -> tuple[Records, Solution, list[str]]:
+    """The same for what offsets count in these records; ``first`` is of settled rows. With ``like_offsets`` it begins
+    with the memories that this tells, where offsets are most alike, alone.
 
     Memories are told by an operator and the operator goes with the memories: what a wrong one made of a record is told
     anew by the operator that the others led to. It begins with three: of settled rows, of all from rest, and of all
@@ -90,20 +95,20 @@ def _told(records: Records, first: Solution) -> tuple[Records, Solution, list[st
 
     at_rest = records.searched(first.basis, first.delay_s, 0.0, first.modes)
     best: tuple[Records, Solution, list[str]] = records, at_rest, []
-    starts = [first, at_rest]
+    starts = [first] if like_offsets else [first, at_rest]
     fallen = _after_top(records)
     if any(f.turned_V for f in fallen.fits):
         found = searched(fallen)
         if found.error < at_rest.error and _tell_better(fallen, found, at_rest):
             best = fallen, found, told_memories(fallen.fits)
-            starts.append(found)
+            starts += [] if like_offsets else [found]
     tried: list[list[Turns | None]] = []
     for start in starts:
         found = start
         for again in range(MEMORY_ROUNDS):
             share, own_offsets = (OTHER_MEMORY, records.own_offsets) if again else (LIKELY_MEMORY, True)
             fits, said = with_memories(records.fits, found, share, own_offsets)
-            if own_offsets and not records.own_offsets:
+            if like_offsets and not again:
                 fits = with_like_offsets(fits, found)
                 said = told_memories(fits)
             memories = [f.turned_V for f in fits]
