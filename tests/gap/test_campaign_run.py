@@ -114,7 +114,8 @@ def test_narrow_cases_run_on_request(folder, tmp_path):
 
 @pytest.mark.parametrize(
     ("kind", "asked"),
-    [("single", True), ("sines", True), ("closed_loop", True), ("narrow", True), ("pair", False), ("poor", False)],
+    [(kind, True) for kind in ("single", "sines", "closed_loop", "narrow", "slow_sines")]
+    + [("pair", False), ("poor", False)],
 )
 def test_the_proposed_experiment_is_run_for_what_can_be_scored(kind, asked, monkeypatch):
     class Tried:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 sys.path.insert(0, str(Path(__file__).parent))
 
 from truth import sessions
-from truth.cases import EFFECTS, KINDS, SIZES, case, cases
+from truth.cases import EFFECTS, KINDS, LATE, SIZES, case, cases
 from truth.coupling import CrossCoupling
 from truth.habits import EXCITATIONS, Habit
 from truth.stage import Character, Stage, draw
@@ -343,7 +343,7 @@ def of_each_habit():
 
 def test_a_campaign_that_names_no_kinds_has_none_on_request():
     assert len(cases("tuning")) == 608
-    assert not {"narrow", "unreferenced", "straight"} & ({c.kind for c in cases("tuning")} | set(KINDS))
+    assert not {"narrow", "slow_sines", "unreferenced", "straight"} & ({c.kind for c in cases("tuning")} | set(KINDS))
 
 
 def test_cases_without_references_hide_each_effect_and_as_often_nothing():
@@ -372,6 +372,17 @@ def test_narrow_cases_hide_each_effect_at_each_size_as_single_ones_do():
     assert sorted((c.effects, c.size, c.rate, c.number) for c in found) == sorted(
         (c.effects, c.size, c.rate, c.number) for c in single
     )
+
+
+def test_behind_slow_sines_hides_what_makes_a_stage_late_alone():
+    found = cases("tuning", ["slow_sines"], (1.0, 3.0), 1.0)
+    assert sorted((c.effects[0], c.size, c.number) for c in found) == sorted(product(LATE, (1.0, 3.0), range(3)))
+    reference, train, holdout = found[0].records()
+    assert len(reference) > 4  # a session of its own, as rich as any
+    for record in (*train, *holdout):
+        swing_V = np.ptp(record.axes["x"].u_V)
+        steepest_V_per_s = np.abs(np.diff(record.axes["x"].u_V)).max() / np.diff(record.t_s).min()
+        assert steepest_V_per_s < np.pi * 20 * swing_V  # that of a sine of 20 Hz
 
 
 def test_habits_are_drawn_alike_whatever_is_hidden():

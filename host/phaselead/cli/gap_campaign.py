@@ -42,7 +42,7 @@ def _kinds(_context: click.Context, option: click.Parameter, text: str | None) -
     "--kinds",
     metavar="KINDS",
     callback=_kinds,
-    help="E.g. none,single; default: all but narrow, unreferenced and straight.",
+    help="E.g. none,single; default: all but narrow, slow_sines, unreferenced and straight.",
 )
 @click.option("--sizes", default="0.05,0.2,1", show_default=True, callback=_sizes, help="Sizes of single effects.")
 @click.option("--scale", type=click.FloatRange(min=0, min_open=True), default=1.0, show_default=True,

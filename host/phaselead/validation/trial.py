@@ -20,7 +20,7 @@ IN_UNIT = {("um", "um"): 1.0, ("of range", "of range"): 1.0, ("LSB", "LSB"): 1.0
 """Derived sizes by their unit and that of a truth, and what one is in the other."""
 USUAL_BITS = 16
 """Of the output converter, which a stage file need not mention."""
-FOLLOWED_UP = ("single", "sines", "closed_loop", "narrow", "unreferenced")
+FOLLOWED_UP = ("single", "sines", "closed_loop", "narrow", "slow_sines", "unreferenced")
 """Kinds of whose cases the proposed experiment is run."""
 
 

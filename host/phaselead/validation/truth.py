@@ -15,7 +15,7 @@ from phaselead.record import Recording, Samples
 MODULE = "phaselead_truth"
 KINDS = ("none", "single", "sines", "pair", "triple", "removed", "closed_loop", "coupling", "poor", "outside")
 """Kinds of cases; docs/gap-campaign.md describes them."""
-ON_REQUEST = ("narrow", "unreferenced", "straight")
+ON_REQUEST = ("narrow", "slow_sines", "unreferenced", "straight")
 """More kinds, which a campaign tries only where it is asked for them."""
 
 UNDER_TEST = tuple(Path(__file__).parents[1] / room for room in ("gap", "identify", "model"))

@@ -26,20 +26,24 @@ SETS = {"tuning": "tuning-2026", "confirm": "confirm-2026-11-22", "sealed": "sea
 """Name of each set of seeds. The sealed ones are for the published figure alone; the letters
 before this one were spent on earlier versions."""
 KINDS = ("none", "single", "sines", "pair", "triple", "removed", "closed_loop", "coupling", "poor")
-ON_REQUEST = ("narrow", "unreferenced", "straight")
+ON_REQUEST = ("narrow", "slow_sines", "unreferenced", "straight")
 """Kinds that a campaign runs only where they are asked for: the figures of one that names no kinds stay comparable."""
 COUNTS = {
     "none": 200, "single": 3, "sines": 1, "pair": 40, "triple": 20, "removed": 23, "closed_loop": 20, "coupling": 9,
-    "poor": 20, "narrow": 3, "unreferenced": 1, "straight": 1,
+    "poor": 20, "narrow": 3, "slow_sines": 3, "unreferenced": 1, "straight": 1,
 }  # fmt: skip
 """Cases at scale 1; of the kinds in ``PER_EFFECT`` for each effect and size."""
-PER_EFFECT = ("single", "sines", "narrow", "unreferenced", "straight")
+PER_EFFECT = ("single", "sines", "narrow", "slow_sines", "unreferenced", "straight")
 AND_NOTHING = ("unreferenced", "straight")
 """Kinds that have as many cases with nothing hidden as there are effects."""
+ELSEWHERE = ("poor", "narrow", "slow_sines")
+"""Kinds whose records are poorer than those of the reference session."""
 SIZES = (0.05, 0.2, 1.0)
 SLOW = {"creep", "charge_leakage", "thermal_drift", "softening"}
 FAST = {"delay", "amplifier_lowpass", "sensor_lowpass", "resonance", "load_change", "slew_limit", "sampling_jitter",
         "rate_dependence"}  # fmt: skip
+LATE = ("delay", "amplifier_lowpass", "sensor_lowpass", "slew_limit", "resonance", "load_change")
+"""What is hidden behind slow sines: these show alike in them, and an experiment may tell them apart."""
 STAGE = ("hysteresis", "asymmetric_hysteresis", "resonance", "delay", "amplifier_lowpass", "sensor_lowpass")
 """What every stage has."""
 RATES_HZ = {"fast": 5000.0, "slow": 500.0}
@@ -153,10 +157,11 @@ class Case:
         rig = Rig(self.characters, np.random.default_rng([self.seed, 2]))
         session = {
             "sines": sessions.sines, "closed_loop": sessions.tracked, "coupling": sessions.three_axes,
-            "poor": sessions.poor, "narrow": partial(sessions.narrow, habit=self.habit),
+            "poor": sessions.poor, "slow_sines": sessions.slow_sines,
+            "narrow": partial(sessions.narrow, habit=self.habit),
         }.get(self.kind, sessions.mixed)  # fmt: skip
-        reference = sessions.mixed(rig, "reference") if self.kind in ("closed_loop", "poor", "narrow") else []
-        reference += session(rig, "reference") if self.kind not in ("poor", "narrow") else []
+        reference = sessions.mixed(rig, "reference") if self.kind in ("closed_loop", *ELSEWHERE) else []
+        reference += session(rig, "reference") if self.kind not in ELSEWHERE else []
         rig.pause(30)
         if hidden:
             self.hide(rig)
@@ -226,9 +231,10 @@ def _of_kind(set_name: str, kind: str, sizes: Sequence[float], scale: float) -> 
 
 def _singles(set_name: str, kind: str, sizes: Sequence[float], count: float) -> list[Case]:
     """``count`` of each effect and size; below 1, that share of them."""
-    made = [(e, s, i) for e, s, i in product(EFFECTS, sizes, range(max(1, int(np.ceil(count)))))]
+    effects = LATE if kind == "slow_sines" else tuple(EFFECTS)
+    made = [(e, s, i) for e, s, i in product(effects, sizes, range(max(1, int(np.ceil(count)))))]
     found = [Case(set_name, kind, (e,), s, _rate((e,), i), i) for e, s, i in made]
-    whole = max(1, round(len(EFFECTS) * len(sizes) * count))
+    whole = max(1, round(len(effects) * len(sizes) * count))
     return sorted(found, key=lambda case: (case.number, case.seed))[:whole]
 
 

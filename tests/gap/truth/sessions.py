@@ -108,6 +108,18 @@ def poor(rig: Rig, name: str, *, held_out: bool = False) -> list[Recording]:
     return found
 
 
+def slow_sines(rig: Rig, name: str, *, held_out: bool = False) -> list[Recording]:
+    """Sines of a few hertz: how late the stage is, and not why."""
+    axis, stage = next(iter(rig.stages.items()))
+    c, unit = stage.character, UNIT_ROWS / rig.rate_Hz
+    found = []
+    for i, (level, cycles) in enumerate([(0.5, 3.0)] if held_out else [(0.6, 2.0), (0.3, 8.0)]):
+        f_Hz, middle = cycles * rig.rng.uniform(0.8, 1.2) / unit, rig.rng.uniform(0.4, 0.6)
+        wave = waves.sine(c.span_V, rig.rate_Hz, 3.2 * unit, f_Hz, level * rig.rng.uniform(0.9, 1.1), middle)
+        found.append(rig.record(f"{name}-sine{i}", {axis: wave}))
+    return found
+
+
 def narrow(rig: Rig, name: str, habit: Habit, *, held_out: bool = False) -> list[Recording]:
     """Idle, and what this lab always records: twice to train, once or twice held out, at other levels."""
     axis, stage = next(iter(rig.stages.items()))
