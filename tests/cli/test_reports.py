@@ -40,7 +40,7 @@ def test_the_big_card_says_what_and_how_large(nothing):
     card = verdict_card(replace(nothing, verdicts=("named",), effects=(LOWPASS,)))
     assert card["value"] == "Amplifier low-pass"
     assert card["label"].startswith("0.503 ms, 316 Hz; verdict: named")
-    assert verdict_card(nothing)["value"] == "Nothing is missing"
+    assert verdict_card(nothing)["value"] == "Nothing was found"
     tie = verdict_card(replace(nothing, verdicts=("tie",), ties=(("delay", "amplifier_lowpass"),)))
     assert tie["value"] == "Delay or amplifier low-pass"
     assert verdict_card(replace(nothing, verdicts=("unknown",)))["value"] == "Something unnamed"

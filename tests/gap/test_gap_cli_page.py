@@ -290,6 +290,14 @@ def test_an_experiment_of_one_frequency_says_it_once():
     assert "about 3 V, 1000 Hz, for 2 s." in text(gap_page(sine, "model.toml"))
 
 
+def test_that_nothing_was_found_says_nothing_of_what_could_not_be_tested():
+    nothing = replace(result(), verdicts=("none",), effects=(), ties=(), where=(), next_experiment=None)
+    six = replace(nothing, untestable=("thermal_drift", "vibration", "creep", "offset", "quantisation", "mains_hum"))
+    assert headline(six).endswith("These records say nothing of thermal drift, vibration, creep, offset and 2 more.")
+    assert verdict_card(six)["label"] == "verdict: none; 6 effects could not be tested"
+    assert "say nothing of" not in headline(replace(nothing, untestable=()))
+
+
 def test_where_something_unknown_remains_the_terminal_says_which_record_would_show_what_is_untestable():
     def said(*verdicts):
         return "\n".join(map(str, printed(replace(result(), verdicts=verdicts), [])))

@@ -45,6 +45,8 @@ MOST_TRACES = 4
 """That the page shows, those with the largest gap first."""
 SIZES_ON_CARD = 2
 """Parameters of the first effect."""
+MOST_SILENT = 4
+"""Effects that a headline names as not tested."""
 NEAR_FLOOR = 1.1
 """Times the floor up to which the page says with the rest what the floor is."""
 USUAL_UNITS = {"s": ("ms", 1e3), "um": ("nm", 1e3), "V": ("mV", 1e3)}
@@ -118,9 +120,19 @@ def headline(result: GapResult) -> str:
     where = cells_headline(result.where)
     if not said:
         said.append("Nothing was found that is not among the known errors of the base model.")
+        said += _silent_about(result.untestable)
     if where:
         said.append(f"{where}.")
     return " ".join(said)
+
+
+def _silent_about(untestable: Sequence[str]) -> list[str]:
+    """That nothing was found says nothing of what the records do not test."""
+    if not untestable:
+        return []
+    titles = [effect_title(name) for name in untestable[:MOST_SILENT]]
+    more = len(untestable) - len(titles)
+    return [f"These records say nothing of {listed([*titles, *([f'{more} more'] if more else [])])}."]
 
 
 def _ties_first(result: GapResult) -> bool:
@@ -161,7 +173,8 @@ def verdict_card(result: GapResult) -> dict[str, str]:
         return {"value": begun("; ".join(alike)), "label": sure}
     if "unknown" in result.verdicts:
         return {"value": "Something unnamed", "label": sure}
-    return {"value": "Nothing is missing", "label": sure}
+    untested = f"; {len(result.untestable)} effects could not be tested" if result.untestable else ""
+    return {"value": "Nothing was found", "label": f"{sure}{untested}"}
 
 
 def sizes_of(effect: NamedEffect) -> list[str]:
