@@ -16,7 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 from itertools import pairwise
 
 import numpy as np
@@ -214,11 +214,15 @@ class Likelihood:
     def variance(self, terms: Terms, shares: Sequence[float]) -> Samples:
         """v (s, k, blocks) in um^2, for each multiple of what the base misses in a record."""
         missed = missed_um2(np.array(shares)[:, None], terms.signal, terms.of_material)
-        of_base = np.array(TIMES_BASE)[:, None] ** 2 * self.base
-        found = np.asarray(self.noise + of_base + missed[:, None])
+        found = np.asarray(self._without_effects + missed[:, None])
         if has_history(terms.entries) or not terms.levels_say:
             found[..., self._is_level] = ANYWHERE_UM2
         return found
+
+    @cached_property
+    def _without_effects(self) -> Samples:
+        """v (k, blocks) in um^2 of noise and base alone, for each multiple of what the base misses in a record."""
+        return np.asarray(self.noise + np.array(TIMES_BASE)[:, None] ** 2 * self.base)
 
     def _log_densities(self, power: Samples, variance: Samples) -> Samples:
         """(s, k, blocks) of the residual's power (s, blocks), as many coefficients of each block as count."""
@@ -243,7 +247,7 @@ class Likelihood:
         lefts = with_levels_about_their_sessions(self.runs, each)
         pairs = zip(self.runs, lefts, strict=True)
         power = np.concatenate([run.products(left, left)[:, 0, 0] for run, left in pairs])[None]
-        variance = (self.noise + np.array(TIMES_BASE)[:, None] ** 2 * self.base)[None]
+        variance = self._without_effects[None]
         return (self.log_density(power, variance) - self.log_density(power, variance, held_out=False)).item()
 
     def weights(self, power: Samples, variance: Samples, held_out: bool = True) -> Samples:
