@@ -105,6 +105,23 @@ def test_what_the_base_may_lack_in_all_records_makes_it_harder():
         assert least * apart[0] <= apart[1] <= most * apart[0]
 
 
+def test_what_a_set_says_that_the_base_lacks_goes_on_in_the_next_record():
+    """Without the lag in it a set has found it to be lacking, so that it predicts what a set with the lag does."""
+    proposed = modelled_run(LINE, replace(run_of(wave(FAST), "train", 0), x_um=np.zeros(ROWS)))
+    lag, _ = lag_or_delay()
+
+    def late(run):
+        moved = run.modelled.answer(lag) - run.modelled.answer(())
+        return run.coefficients(moved[:, None]) * (run.modelled.run.role != "reference")
+
+    likelihood = learned(LAG_s)
+    plain, lacking = (
+        Forecast(of, [lag, ()]).squared_distances(proposed) for of in (likelihood, likelihood.missing(late))
+    )
+    assert lacking[1, 0] < 0.05 * plain[1, 0]
+    assert lacking[0, 1] < 0.05 * plain[0, 1]
+
+
 def test_what_may_be_missed_in_all_records_is_known_of_any_other():
     lag, delay = (one for (one,) in lag_or_delay())
     likelihood = learned(LAG_s).knowing([lag, delay]).with_misfit_of([lag])

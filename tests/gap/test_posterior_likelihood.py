@@ -395,6 +395,15 @@ def test_what_is_integrated_out_settles_where_it_is_likeliest(amount):
     assert joint(found.common.item()) >= max(joint(size) for size in at) - 0.05  # within SETTLED prior deviations
 
 
+def test_an_effect_and_what_looks_like_it_in_all_records_are_known_together_alone():
+    """How much of a gain is of the effect and how much is lacking anyway nobody knows; their sum is."""
+    toy = Toy(11, [sized(2.0)], roles=("train", "train", "holdout"))
+    like_it = [run.coefficients(run.modelled.columns[GAIN.name][:, None]) for run in toy.likelihood.runs]
+    covariance = replace(toy.likelihood, shared=tuple(like_it)).fit([sized(1.0)]).joint_covariance
+    assert covariance[0, 1] / np.sqrt(np.prod(np.diag(covariance))) < -0.99
+    assert toy.likelihood.fit([sized(1.0)]).joint_covariance.shape == (1, 1)
+
+
 @pytest.mark.parametrize("told", [3.0, 1e4])
 def test_shares_are_looked_at_together_as_one_by_one(told):
     toy = Toy(9, [sized(2.0)], 0.1, 2.0, told, fault=[sized(1.0, SLOW)])

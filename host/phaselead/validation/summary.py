@@ -23,10 +23,11 @@ PLAIN = 2.0
 MOST_SIZES = 6
 """More distinct sizes than this are not steps of a ladder."""
 SINGLE_AXIS = (
-    "none", "single", "sines", "pair", "triple", "removed", "closed_loop", "outside", "narrow", "unreferenced",
-    "straight",
+    "none", "single", "sines", "pair", "triple", "removed", "closed_loop", "outside", "narrow", "slow_sines",
+    "unreferenced", "straight",
 )  # fmt: skip
-"""Kinds whose stage has one axis."""
+"""Kinds whose stage has one axis, but for `poor`, whose records are seconds long: what their answer takes hardly
+depends on it."""
 
 
 def summary(outcomes: Sequence[Outcome]) -> dict[str, Any]:

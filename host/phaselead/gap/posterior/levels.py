@@ -44,6 +44,6 @@ def zeros_of_sessions(runs: Sequence[BlockedRun]) -> list[Samples]:
     return found
 
 
-def in_no_session(zeros: Sequence[Samples], run: BlockedRun) -> Samples:
-    """Coefficients (n, sessions) of the ``zeros`` in a run that belongs to none of their sessions."""
-    return np.zeros((run.edges[-1], zeros[0].shape[1]))
+def in_no_session(sessions: int, run: BlockedRun) -> Samples:
+    """Coefficients (n, sessions) of the zeros of so many sessions in a run that belongs to none of them."""
+    return np.zeros((run.edges[-1], sessions))

@@ -59,7 +59,7 @@ NEGLIGIBLE = 1e-3
 """Probability of a share below which it does not widen an interval."""
 
 
-Part = Callable[[BlockedRun], Samples]
+MakeColumns = Callable[[BlockedRun], Samples]
 """Coefficients (n, k) in a run of something that may be missed in all records alike, one prior deviation each."""
 
 
@@ -71,7 +71,7 @@ class Likelihood:
     expected: Expected
     shared: tuple[Samples, ...]
     """Per run the coefficients (n, k) of what the base may miss in all records alike, one prior deviation each."""
-    shared_by: tuple[Part, ...] = ()
+    shared_by: tuple[MakeColumns, ...] = ()
     """What makes these columns, in this order, for any run."""
     known: tuple[SizedEffect, ...] = ()
     """Effects that explain much, by themselves or beside others: what may be taken for one another."""
@@ -112,16 +112,20 @@ class Likelihood:
             return replace(self, known=known)
         return replace(self.missing(lambda run: run.coefficients(as_fault(run.modelled, effects))), known=known)
 
-    def missing(self, *parts: Part) -> Likelihood:
+    def missing(self, *makers: MakeColumns) -> Likelihood:
         """The same, where these may be missed in all records too."""
-        made = [[part(run) for run in self.runs] for part in parts]
+        made = [[make(run) for run in self.runs] for make in makers]
         added = [with_levels_about_their_sessions(self.runs, columns) for columns in made]
         shared = tuple(np.concatenate(of_run, axis=1) for of_run in zip(self.shared, *added, strict=True))
-        return replace(self, shared=shared, shared_by=(*self.shared_by, *parts))
+        return replace(self, shared=shared, shared_by=(*self.shared_by, *makers))
 
     def shared_in(self, run: BlockedRun) -> Samples:
         """Coefficients (n, k) of the shared columns in a run that is none of these, and belongs to no session."""
-        return np.concatenate([np.zeros((run.edges[-1], 0)), *(part(run) for part in self.shared_by)], axis=1)
+        found = np.concatenate([np.zeros((run.edges[-1], 0)), *(make(run) for make in self.shared_by)], axis=1)
+        if found.shape[1] != self.among_shared.size:
+            raise ValueError(f"{found.shape[1]} shared columns are made for another run, and there are "
+                             f"{self.among_shared.size}")  # fmt: skip
+        return found
 
     def without_held_out(self) -> Likelihood:
         """Of the other records alone: what is fitted to them may be judged on the held-out ones."""
@@ -131,7 +135,7 @@ class Likelihood:
     def with_misfit_of(self, entries: Sequence[SizedEffect]) -> Likelihood:
         """The same, where what the equations of some effects miss may look like the known ones that they are confused
         with, and, since one of those may be what is there, what its equation misses like the effect itself."""
-        parts = []
+        makers = []
         for i, (effect, _) in enumerate(entries):
             size = self._size_um(entries, i)
             rivals = [rival for rival in self.known if confused(effect, rival[0])]
@@ -140,8 +144,8 @@ class Likelihood:
             like_them = with_levels_about_their_sessions(self.runs, [like(run) for run in self.runs])
             in_all = np.sqrt(sum(_squares(run, like) for run, like in zip(self.runs, like_them, strict=True)))
             if in_all > 0:
-                parts.append(partial(_scaled, LIKE_RIVALS * size / in_all, like))
-        return self.missing(*parts)
+                makers.append(partial(_scaled, LIKE_RIVALS * size / in_all, like))
+        return self.missing(*makers)
 
     def _size_um(self, entries: Sequence[SizedEffect], index: int) -> float:
         """Root of the squares, over all records about their means, of what one effect adds to the others."""
@@ -324,7 +328,7 @@ class Likelihood:
         moves_zero = any(effect.moves_zero is not None for effect, _ in terms.entries)
         return np.where(self._is_level, float(moves_zero), told_once)
 
-    def covariances(self, terms: Terms, shares: Sequence[float]) -> Samples:
+    def _covariances(self, terms: Terms, shares: Sequence[float]) -> Samples:
         """(s, p + k, p + k) of the parameters in internal units, and of the amounts of the shared columns."""
         independent = self.independent(terms, shares, terms.signal)
         normal, _ = self.information(terms, shares, independent=independent)
@@ -407,15 +411,10 @@ class Likelihood:
         fitted = prior + self._log_evidence(terms, grid, held_out=False) + of_fitted
         likely = np.exp(every - every.max())
         named = float(likely[[share <= MOST_MISSED for share in grid]].sum() / likely.sum())
-        p = len(terms.prior.centre)
-        covariance = np.zeros((p, p))
-        if p:
-            probability = likely / likely.sum()
-            kept = np.flatnonzero(probability > NEGLIGIBLE)
-            joint = self.covariances(terms, [grid[i] for i in kept])
-            covariance = np.tensordot(probability[kept], joint[:, :p, :p], 1)
+        kept = np.flatnonzero(likely / likely.sum() > NEGLIGIBLE)
+        joint = np.tensordot(likely[kept] / likely.sum(), self._covariances(terms, [grid[i] for i in kept]), 1)
         levels = [self._log_levels(terms, share, held_out) for held_out in (True, False)]
-        return Fit(terms, _log_sum(every), _log_sum(fitted), named, share, covariance, *levels)
+        return Fit(terms, _log_sum(every), _log_sum(fitted), named, share, joint, *levels)
 
     def _log_levels(self, terms: Terms, share: float, held_out: bool) -> float:
         """What the levels bring to the log evidence of a set, the price that its parameters pay for them included."""
@@ -460,8 +459,8 @@ def _like(alike: Sequence[tuple[SizedEffect, float]], run: BlockedRun) -> Sample
     return np.concatenate([np.zeros((run.edges[-1], 0)), *each], axis=1)
 
 
-def _scaled(factor: float, part: Part, run: BlockedRun) -> Samples:
-    return factor * part(run)
+def _scaled(factor: float, make: MakeColumns, run: BlockedRun) -> Samples:
+    return factor * make(run)
 
 
 def _squares(run: BlockedRun, columns: Samples) -> float:

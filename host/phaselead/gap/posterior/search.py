@@ -87,7 +87,8 @@ def likelihood_of(runs: Sequence[ModelledRun], base_may_be_off: bool = False, op
     no reference record holds them. ``open_plays``: these were fitted to the training records."""
     every = blocked(runs)
     zeros = zeros_of_sessions(every)
-    likelihood = Likelihood(tuple(every), expected_of(every), tuple(zeros), (partial(in_no_session, zeros),))
+    elsewhere = partial(in_no_session, zeros[0].shape[1])
+    likelihood = Likelihood(tuple(every), expected_of(every), tuple(zeros), (elsewhere,))
     if not base_may_be_off:
         return likelihood
     return likelihood.missing(lambda run: run.coefficients(base_columns(run.modelled, open_plays)))

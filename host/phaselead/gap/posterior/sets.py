@@ -66,8 +66,9 @@ class Fit:
     """Probability that no more is missed than an equation of that name may miss."""
     share: float
     """The most likely share of equation misfit."""
-    covariance: Samples
-    """(parameters, parameters) in internal units."""
+    joint_covariance: Samples
+    """(parameters + k, parameters + k) of the parameters in internal units, and of the amounts of the k columns that
+    may be missed in all records alike. An octave tells a size once, however many records there are."""
     log_levels: float = 0.0
     """What the levels of all records bring to the log evidence."""
     log_levels_fitted: float = 0.0
@@ -76,6 +77,12 @@ class Fit:
     def levels(self, held_out: bool) -> float:
         """What the levels of all records bring to the log evidence, with the held-out ones or without."""
         return self.log_levels if held_out else self.log_levels_fitted
+
+    @property
+    def covariance(self) -> Samples:
+        """(parameters, parameters) in internal units."""
+        p = len(self.terms.prior.centre)
+        return self.joint_covariance[:p, :p]
 
     @property
     def entries(self) -> tuple[SizedEffect, ...]:
