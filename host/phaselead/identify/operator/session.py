@@ -6,7 +6,7 @@ Memories are told by an operator, and the operator goes with the memories and th
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -20,7 +20,7 @@ from phaselead.identify.operator.starting_memories import (
     LIKELY_MEMORY,
     OTHER_MEMORY,
     told_memories,
-    with_like_offsets,
+    with_alike_offsets,
     with_memories,
 )
 from phaselead.identify.runs import AxisRun
@@ -34,7 +34,11 @@ MEMORY_ROUNDS = 4
 """How often memories are told by the operator that went with those of before: a budget of time."""
 
 
-def from_their_memories(records: Records, modes: tuple[Mode, ...]) -> tuple[Records, Solution, list[str]]:
+Told = tuple[Records, Solution, list[str]]
+"""Records with the memories they start from, the operator that goes with these, and what to say of them."""
+
+
+def from_their_memories(records: Records, modes: tuple[Mode, ...]) -> Told:
     """The records with the memories and offsets that explain them best, the operator then, and what to say of them.
 
     Offsets tell the memories of a grid of levels, and would bend the loop of a stage that creeps. They count in full
@@ -53,10 +57,11 @@ def from_their_memories(records: Records, modes: tuple[Mode, ...]) -> tuple[Reco
         if np.median(offsets) > DRIFT or of_apart.error**2 < OTHER_MEMORY * min(judged) ** 2:
             message = f"the records differ in offset by more than {100 * DRIFT:g} % of their range: each has its own"
             return apart, of_apart, [message, *also]
-    if first.error**2 < OTHER_MEMORY * min(judged) ** 2:  # settled rows show that better memories may be there
-        likest = _told(records, first, like_offsets=True)
-        if _counted_least(*likest[:2]) ** 2 < OTHER_MEMORY * min(judged) ** 2:
-            session, found, said = likest
+    # Settled rows leave much less: other memories may as well, without what makes records differ in offset.
+    if first.error**2 < OTHER_MEMORY * min(judged) ** 2:
+        alike, of_alike, also = _told_alike(records, first)
+        if _counted_least(alike, of_alike) ** 2 < OTHER_MEMORY * min(judged) ** 2:
+            session, found, said = alike, of_alike, also
     session = replace(session, offset_weight=_weight_seen(session, found))
     return session, searched_from(session, found), said
 
@@ -81,45 +86,69 @@ def _of_settled_rows(records: Records, modes: tuple[Mode, ...]) -> Solution:
     return late.at(basis, found.delay_s, found.rest_fraction, found.modes)
 
 
-def _told(records: Records, first: Solution, *, like_offsets: bool = False) -> tuple[Records, Solution, list[str]]:
-    """The same for what offsets count in these records; ``first`` is of settled rows. With ``like_offsets`` it begins
-    with the memories that this tells, where offsets are most alike, alone.
+def _told(records: Records, first: Solution) -> Told:
+    """The same for what offsets count in these records; ``first`` is of settled rows.
 
-    Memories are told by an operator and the operator goes with the memories: what a wrong one made of a record is told
-    anew by the operator that the others led to. It begins with three: of settled rows, of all from rest, and of all
-    after the highest voltage, where that is how a session of falling levels began.
+    It begins with the memories that three operators tell: of settled rows, of all from rest, and of all after the
+    highest voltage, where that is how a session of falling levels began.
     """
-
-    def searched(of: Records) -> Solution:
-        return of.searched(first.basis, first.delay_s, first.rest_fraction, first.modes)
-
-    at_rest = records.searched(first.basis, first.delay_s, 0.0, first.modes)
-    best: tuple[Records, Solution, list[str]] = records, at_rest, []
-    starts = [first] if like_offsets else [first, at_rest]
+    telling = _Telling.of(records, first)
+    starts = [first, telling.at_rest]
     fallen = _after_top(records)
     if any(f.turned_V for f in fallen.fits):
-        found = searched(fallen)
-        if found.error < at_rest.error and _tell_better(fallen, found, at_rest):
-            best = fallen, found, told_memories(fallen.fits)
-            starts += [] if like_offsets else [found]
-    tried: list[list[Turns | None]] = []
+        found = telling.searched(fallen)
+        if found.error < telling.at_rest.error and _tell_better(fallen, found, telling.at_rest):
+            telling.best = fallen, found, told_memories(fallen.fits)
+            starts.append(found)
     for start in starts:
-        found = start
-        for again in range(MEMORY_ROUNDS):
-            share, own_offsets = (OTHER_MEMORY, records.own_offsets) if again else (LIKELY_MEMORY, True)
-            fits, said = with_memories(records.fits, found, share, own_offsets)
-            if like_offsets and not again:
-                fits = with_like_offsets(fits, found)
-                said = told_memories(fits)
+        fits, _ = with_memories(records.fits, start, LIKELY_MEMORY, own_offsets=True)
+        telling.goes_on_from(fits)
+    return telling.best
+
+
+def _told_alike(records: Records, first: Solution) -> Told:
+    """The same from the memories that settled rows tell, where offsets are most alike."""
+    telling = _Telling.of(records, first)
+    fits, _ = with_memories(records.fits, first, LIKELY_MEMORY, own_offsets=True)
+    telling.goes_on_from(with_alike_offsets(fits, first))
+    return telling.best
+
+
+@dataclass
+class _Telling:
+    """Where the memories of some records lead to.
+
+    They are told by an operator and the operator goes with the memories: what a wrong one made of a record is told anew
+    by the operator that the others led to.
+    """
+
+    records: Records
+    first: Solution
+    """Of settled rows: basis, modes, and where searches begin."""
+    at_rest: Solution
+    best: Told
+    tried: list[list[Turns | None]]
+
+    @classmethod
+    def of(cls, records: Records, first: Solution) -> _Telling:
+        at_rest = records.searched(first.basis, first.delay_s, 0.0, first.modes)
+        return cls(records, first, at_rest, (records, at_rest, []), [])
+
+    def searched(self, of: Records) -> Solution:
+        return of.searched(self.first.basis, self.first.delay_s, self.first.rest_fraction, self.first.modes)
+
+    def goes_on_from(self, fits: list[FitRun]) -> None:
+        for rounds_left in reversed(range(MEMORY_ROUNDS)):
             memories = [f.turned_V for f in fits]
-            if memories in tried or not any(turned_V is not None for turned_V in memories):
-                break
-            tried.append(memories)
-            moved = replace(records, fits=fits)
-            found = searched(moved)
-            if found.error < best[1].error and _tell_better(moved, found, at_rest):
-                best = moved, found, said
-    return best
+            if memories in self.tried or not any(turned_V is not None for turned_V in memories):
+                return
+            self.tried.append(memories)
+            moved = replace(self.records, fits=fits)
+            found = self.searched(moved)
+            if found.error < self.best[1].error and _tell_better(moved, found, self.at_rest):
+                self.best = moved, found, told_memories(fits)
+            if rounds_left:
+                fits, _ = with_memories(self.records.fits, found, OTHER_MEMORY, self.records.own_offsets)
 
 
 def _after_top(records: Records) -> Records:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
 from phaselead.identify.operator.regressors import FitRun, Turns
-from phaselead.identify.operator.solution import DRIFT
+from phaselead.identify.operator.solution import DRIFT, EXACT
 from phaselead.record import Samples
 
 OTHER_MEMORY, LIKELY_MEMORY = 0.6, 0.8
@@ -26,7 +26,8 @@ OTHER_MEMORY, LIKELY_MEMORY = 0.6, 0.8
 operator that was fitted to rest hides that: below the second the memory is tried, and the operator that goes with it
 tells."""
 ALIKE = 0.99
-"""Of a squared residual, chosen: a turn is moved off its grid where that leaves less than this."""
+"""Of a squared residual, chosen: a turn is moved off its grid where that leaves less than this, and ways that leave no
+more beside one another are alike."""
 PRECISE = 0.02
 """Of the way between the points on either side of a turn: how finely the best one is searched."""
 FEW_WAYS = 10
@@ -217,13 +218,14 @@ def _with_memory(fit: FitRun, operator: Leaves, points_V: Sequence[float], share
     return replace(fit, turned_V=turned_V)
 
 
-def with_like_offsets(fits: Sequence[FitRun], operator: Leaves) -> list[FitRun]:
+def with_alike_offsets(fits: Sequence[FitRun], operator: Leaves) -> list[FitRun]:
     """The records with their first turns moved to where their offsets are most alike.
 
     How far the first turn went is often nothing but an offset: with offsets of their own, rounding tells which of the
     ways that leave a record alike it is, and an operator of one offset for all bends for what they then differ by.
     """
-    each = [_alike(fit, operator, _turning_points_V(fits)) for fit in fits]
+    points_V = _turning_points_V(fits)
+    each = [_alike(fit, operator, points_V) for fit in fits]
 
     def nearest(of_record: list[tuple[FitRun, float]], to_um: float) -> tuple[FitRun, float]:
         return min(of_record, key=lambda one: abs(one[1] - to_um))
@@ -237,17 +239,14 @@ def with_like_offsets(fits: Sequence[FitRun], operator: Leaves) -> list[FitRun]:
 
 def _alike(fit: FitRun, operator: Leaves, points_V: Sequence[float]) -> list[tuple[FitRun, float]]:
     """The record after each way that leaves it as the one that it has, and what that leaves on average, in um."""
-    left_um = operator.residual(fit)
-    found = [(fit, float(left_um.mean()))]
+    whole = fit.with_start()
     if not fit.turned_V:
-        return found
-    quick, first_V = operator.residuals_of(fit), 0.0 if fit.run.begins_at_0_V else float(fit.run.u_V[0])
-    for volt in points_V:
-        turns = (volt, *fit.turned_V[1:])
-        moved_um = quick(turns)
-        if _remembered(turns, first_V) and ALIKE * np.var(moved_um) <= np.var(left_um):
-            found.append((replace(fit, turned_V=turns), float(moved_um.mean())))
-    return found
+        return [(fit, float(operator.residual(whole).mean()))]
+    quick, first_V = operator.residuals_of(whole), 0.0 if fit.run.begins_at_0_V else float(fit.run.u_V[0])
+    ways = [(volt, *fit.turned_V[1:]) for volt in points_V]
+    left = {turns: quick(turns) for turns in (fit.turned_V, *(one for one in ways if _remembered(one, first_V)))}
+    most = (float(np.var(left[fit.turned_V])) + (EXACT * fit.run.range_um) ** 2) / ALIKE
+    return [(replace(fit, turned_V=turns), float(e.mean())) for turns, e in left.items() if np.var(e) <= most]
 
 
 def told_memories(fits: Sequence[FitRun]) -> list[str]:
