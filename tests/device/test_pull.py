@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 from phaselead.control import connect
-from phaselead.device import wire
+from phaselead.device import TICK_HZ, wire
 from phaselead.device.capture import DeviceFault
 from phaselead.device.session import NoReplyError
 from phaselead.device.transient import ENTRY
 from phaselead.errors import BadInput, DeviceRefused, LinkError
+from phaselead.record import t0_unix_s
 
 URL = "sim://xyz250"
 
@@ -54,6 +55,15 @@ def test_a_pull_empties_it_unless_it_is_kept():
         assert np.array_equal(kept.t_s, again.t_s)
         with pytest.raises(DeviceRefused, match="nothing is frozen"):
             device.pull()
+
+
+def test_it_says_when_the_trigger_was():
+    with connect(URL) as device:
+        device.device.session.tick_0_unix_s = 1.7e9  # a simulated device has no clock of its own
+        device.trigger("set_point")
+        device.track("sine:20um@5Hz", mode="pid", duration=0.4)
+        pulled = device.pull()
+    assert t0_unix_s(pulled.meta) == pytest.approx(1.7e9 + pulled.meta["trigger_tick"] / TICK_HZ, abs=1e-5)
 
 
 def changed(monkeypatch, session, change):

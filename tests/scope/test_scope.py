@@ -15,6 +15,8 @@ import pytest
 
 import phaselead as pl
 from phaselead import report
+from phaselead.device import TICK_HZ
+from phaselead.record import t0_unix_s
 from phaselead.scope.samples import TRACES
 from phaselead.scope.view import COLUMNS, HEAD, LOOP, SPECTRUM
 from phaselead.sim import built_in
@@ -132,6 +134,7 @@ def test_nothing_moves_unattended(make_rig):
 
 def test_what_is_saved_is_what_was_recorded(rig, tmp_path):
     tab = rig.open()
+    rig.hub.dev.device.session.tick_0_unix_s = 1.7e9  # a simulated device has no clock of its own
     tab.order("play", waves=WAVE)
     tab.until(lambda: rig.hub.samples.end - rig.hub.samples.begin > 6000)
     assert "saved 5000 ticks" in tab.order("save", name="run.h5", seconds=1.0)
@@ -139,6 +142,8 @@ def test_what_is_saved_is_what_was_recorded(rig, tmp_path):
     assert len(found.t_s) == 5000
     assert found.rate_Hz == pytest.approx(5000)
     assert np.ptp(found.x_um) > 15
+    since_tick_0_s = t0_unix_s(found.meta) - 1.7e9
+    assert rig.hub.samples.begin <= since_tick_0_s * TICK_HZ <= rig.hub.samples.end - 5000
     assert "run.h5" in rig.browser.get("/files/run.h5").headers.get("content-disposition", "run.h5")
     assert rig.browser.get("/files/run.h5").content == (tmp_path / "run.h5").read_bytes()
     assert rig.browser.get("/files/other.h5").status_code == 404
