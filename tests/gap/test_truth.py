@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 sys.path.insert(0, str(Path(__file__).parent))
 
 from truth import sessions
-from truth.cases import EFFECTS, KINDS, LATE, SIZES, case, cases
+from truth.cases import EFFECTS, KINDS, LAGS, SIZES, case, cases
 from truth.coupling import CrossCoupling
 from truth.habits import EXCITATIONS, Habit
 from truth.stage import Character, Stage, draw
@@ -374,9 +374,9 @@ def test_narrow_cases_hide_each_effect_at_each_size_as_single_ones_do():
     )
 
 
-def test_behind_slow_sines_hides_what_makes_a_stage_late_alone():
+def test_behind_slow_sines_hide_lags_alone():
     found = cases("tuning", ["slow_sines"], (1.0, 3.0), 1.0)
-    assert sorted((c.effects[0], c.size, c.number) for c in found) == sorted(product(LATE, (1.0, 3.0), range(3)))
+    assert sorted((c.effects[0], c.size, c.number) for c in found) == sorted(product(LAGS, (1.0, 3.0), range(6)))
     reference, train, holdout = found[0].records()
     assert len(reference) > 4  # a session of its own, as rich as any
     for record in (*train, *holdout):

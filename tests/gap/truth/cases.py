@@ -30,7 +30,7 @@ ON_REQUEST = ("narrow", "slow_sines", "unreferenced", "straight")
 """Kinds that a campaign runs only where they are asked for: the figures of one that names no kinds stay comparable."""
 COUNTS = {
     "none": 200, "single": 3, "sines": 1, "pair": 40, "triple": 20, "removed": 23, "closed_loop": 20, "coupling": 9,
-    "poor": 20, "narrow": 3, "slow_sines": 3, "unreferenced": 1, "straight": 1,
+    "poor": 20, "narrow": 3, "slow_sines": 6, "unreferenced": 1, "straight": 1,
 }  # fmt: skip
 """Cases at scale 1; of the kinds in ``PER_EFFECT`` for each effect and size."""
 PER_EFFECT = ("single", "sines", "narrow", "slow_sines", "unreferenced", "straight")
@@ -42,8 +42,8 @@ SIZES = (0.05, 0.2, 1.0)
 SLOW = {"creep", "charge_leakage", "thermal_drift", "softening"}
 FAST = {"delay", "amplifier_lowpass", "sensor_lowpass", "resonance", "load_change", "slew_limit", "sampling_jitter",
         "rate_dependence"}  # fmt: skip
-LATE = ("delay", "amplifier_lowpass", "sensor_lowpass", "slew_limit", "resonance", "load_change")
-"""What is hidden behind slow sines: these show alike in them, and an experiment may tell them apart."""
+LAGS = ("delay", "amplifier_lowpass", "sensor_lowpass")
+"""What is hidden behind slow sines, which show these alike: an experiment may tell them apart."""
 STAGE = ("hysteresis", "asymmetric_hysteresis", "resonance", "delay", "amplifier_lowpass", "sensor_lowpass")
 """What every stage has."""
 RATES_HZ = {"fast": 5000.0, "slow": 500.0}
@@ -231,7 +231,7 @@ def _of_kind(set_name: str, kind: str, sizes: Sequence[float], scale: float) -> 
 
 def _singles(set_name: str, kind: str, sizes: Sequence[float], count: float) -> list[Case]:
     """``count`` of each effect and size; below 1, that share of them."""
-    effects = LATE if kind == "slow_sines" else tuple(EFFECTS)
+    effects = LAGS if kind == "slow_sines" else tuple(EFFECTS)
     made = [(e, s, i) for e, s, i in product(effects, sizes, range(max(1, int(np.ceil(count)))))]
     found = [Case(set_name, kind, (e,), s, _rate((e,), i), i) for e, s, i in made]
     whole = max(1, round(len(effects) * len(sizes) * count))
