@@ -117,13 +117,11 @@ def headline(result: GapResult) -> str:
         said.insert(len(said) if _ties_first(result) else 0, lacks)
     if "unknown" in result.verdicts:
         said.append("Something remains that no name is sure to explain.")
-    where = cells_headline(result.where)
     if not said:
-        said.append("Nothing was found that is not among the known errors of the base model.")
-        said += _silent_about(result.untestable)
-    if where:
-        said.append(f"{where}.")
-    return " ".join(said)
+        nothing = "Nothing was found that is not among the known errors of the base model."
+        return " ".join([nothing, *_silent_about(result.untestable)])
+    where = cells_headline(result.where)
+    return " ".join([*said, f"{where}."] if where else said)
 
 
 def _silent_about(untestable: Sequence[str]) -> list[str]:
