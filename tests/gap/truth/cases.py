@@ -36,7 +36,7 @@ COUNTS = {
 PER_EFFECT = ("single", "sines", "narrow", "slow_sines", "unreferenced", "straight")
 AND_NOTHING = ("unreferenced", "straight")
 """Kinds that have as many cases with nothing hidden as there are effects."""
-ELSEWHERE = ("poor", "narrow", "slow_sines")
+POORER_THAN_REFERENCE = ("poor", "narrow", "slow_sines")
 """Kinds whose records are poorer than those of the reference session."""
 SIZES = (0.05, 0.2, 1.0)
 SLOW = {"creep", "charge_leakage", "thermal_drift", "softening"}
@@ -160,8 +160,8 @@ class Case:
             "poor": sessions.poor, "slow_sines": sessions.slow_sines,
             "narrow": partial(sessions.narrow, habit=self.habit),
         }.get(self.kind, sessions.mixed)  # fmt: skip
-        reference = sessions.mixed(rig, "reference") if self.kind in ("closed_loop", *ELSEWHERE) else []
-        reference += session(rig, "reference") if self.kind not in ELSEWHERE else []
+        reference = sessions.mixed(rig, "reference") if self.kind in ("closed_loop", *POORER_THAN_REFERENCE) else []
+        reference += session(rig, "reference") if self.kind not in POORER_THAN_REFERENCE else []
         rig.pause(30)
         if hidden:
             self.hide(rig)

@@ -126,8 +126,11 @@ class _Telling:
     first: Solution
     """Of settled rows: basis, modes, and where searches begin."""
     at_rest: Solution
+    """Of all records as if from rest: what memories are compared with."""
     best: Told
+    """What leaves least so far."""
     tried: list[list[Turns | None]]
+    """Memories of all records that need not be tried again."""
 
     @classmethod
     def of(cls, records: Records, first: Solution) -> _Telling:
@@ -138,6 +141,7 @@ class _Telling:
         return of.searched(self.first.basis, self.first.delay_s, self.first.rest_fraction, self.first.modes)
 
     def goes_on_from(self, fits: list[FitRun]) -> None:
+        """Try the memories of these records, and those that the operator of each round tells, and keep the best."""
         for rounds_left in reversed(range(MEMORY_ROUNDS)):
             memories = [f.turned_V for f in fits]
             if memories in self.tried or not any(turned_V is not None for turned_V in memories):
