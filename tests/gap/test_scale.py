@@ -61,7 +61,7 @@ def test_references_of_a_stage_parked_elsewhere_than_at_0_V_are_asked_about_too(
 
     def said(reference_um, others_um):
         runs = axis_runs(ringing, [parked(1, others_um)], [parked(2, others_um)], [parked(3, reference_um)])
-        return exchange_doubts(beside_model(ringing, runs))
+        return exchange_doubts(ringing, beside_model(ringing, runs))
 
     assert "were they exchanged?" in said(2.0, 0.0)[0]
     assert said(0.0, 2.0) == ()
@@ -170,7 +170,7 @@ def test_references_that_the_model_describes_worse_than_the_others_may_be_exchan
 
     def said(reference, others):
         runs = axis_runs(stage(), others[:1], others[1:], reference)
-        return exchange_doubts(beside_model(stage(), runs))
+        return exchange_doubts(stage(), beside_model(stage(), runs))
 
     (line,) = said(changed, records()[1])
     assert line.startswith("x: of the reference records' motion the model leaves")
@@ -180,6 +180,27 @@ def test_references_that_the_model_describes_worse_than_the_others_may_be_exchan
     small = [predict(stage(), r) for r in as_written(records()[0], lambda u, x: (0.01 * u, x))]
     quiet = as_written(small, lambda u, x: (u, x + 0.01 * np.sin(1000 * u)))
     assert said(quiet, records()[1]) == ()
+
+
+def test_quick_references_beside_slow_records_are_not_taken_for_exchanged():
+    """The model leaves more of quick records than of slow ones, also of those that it was fitted to."""
+    quick = as_written(records()[0], lambda u, x: (u, x + 0.02 * np.ptp(x) * np.sin(u)))
+    left = max(float(np.std(r.axes["x"].x_um - predict(stage(), r).axes["x"].x_um)) for r in quick)
+    view = stage().axis("x").time
+
+    def said(fit_left_um):
+        axis = stage().axis("x").model_copy(update={"time": replace_left(view, fit_left_um)})
+        known = stage().model_copy(update={"axes": {"x": axis}})
+        runs = axis_runs(known, records()[1][:1], records()[1][1:], quick)
+        return exchange_doubts(known, beside_model(known, runs))
+
+    assert said(left) == ()
+    assert "were they exchanged?" in said(left / 10)[0]
+
+
+def replace_left(view, residual_um_rms):
+    """The view of a fit that left so much."""
+    return view.model_copy(update={"residual_um_rms": residual_um_rms})
 
 
 @pytest.mark.parametrize(

@@ -57,7 +57,7 @@ def run_gap(
     doubts = (
         *glitch_doubts([*train, *holdout, *reference]),
         *scale_doubts(driven),
-        *exchange_doubts(driven),
+        *exchange_doubts(stage, driven),
         *_provisional_doubts(stage, list(runs)),
     )
     base_frozen = frozen if frozen is not None else bool(reference)

@@ -13,7 +13,7 @@ from phaselead.gap.goodness_of_fit import FinalFit
 from phaselead.gap.posterior import TIMES_BASE
 from phaselead.gap.records import GapRun, Role
 from phaselead.gap.residual import RunResidual, modelled_run
-from phaselead.model import Stage, out_of_scale, range_um, scale_doubt
+from phaselead.model import AxisModel, Stage, out_of_scale, range_um, scale_doubt
 from phaselead.quantity import digits
 from phaselead.record import Samples, factors_moved, in_another_unit, seem_exchanged, slow_gain, unit_remedy
 
@@ -70,20 +70,23 @@ def scale_doubts(driven: Compared) -> tuple[str, ...]:
     return tuple(line for axis, of_axis in driven.items() for line in _doubt(axis, of_axis))
 
 
-def exchange_doubts(driven: Compared) -> tuple[str, ...]:
-    """One line for each axis whose reference records the model describes far worse than the others: it was made of
-    them, so they may have been given in the others' place."""
-    return tuple(line for axis, of_axis in driven.items() for line in _exchanged(axis, of_axis))
+def exchange_doubts(stage: Stage, driven: Compared) -> tuple[str, ...]:
+    """One line for each axis whose reference records the model describes far worse than the others, and than its fit
+    says that it described its own records: it was made of them, so they may have been given in the others' place.
+
+    What the fit left counts since references that are quick leave more than others that are slow, exchanged or not.
+    """
+    return tuple(line for axis, of_axis in driven.items() for line in _exchanged(axis, stage.axes[axis], of_axis))
 
 
-def _exchanged(axis: str, driven: Sequence[Moved]) -> list[str]:
+def _exchanged(axis: str, model: AxisModel, driven: Sequence[Moved]) -> list[str]:
     left = {role: _left([moved for moved in driven if moved[0].role == role]) for role in ROLES}
     reference, others = left.pop("reference"), [one for one in left.values() if one is not None]
     if reference is None or not others:
         return []
     # Of small motion noise is a large share; exchanged records leave more in um too.
-    most = _most(others)
-    if not reference.far_beyond(most):
+    most, own = _most(others), _own_fit(model)
+    if not reference.far_beyond(most) or (own is not None and reference.um <= MOST_UNLIKE * own.um):
         return []
     return [
         f"{axis}: of the reference records' motion the model leaves {digits(100 * reference.share, 2)} %, of the "
@@ -110,7 +113,7 @@ def far_above_known(final: FinalFit, residuals: Sequence[RunResidual]) -> FarAbo
     these than its own fit left. At rest only um count. None where the stage file does not say what the fit left."""
     references = [one for _, one in _left_of_each(final.residuals("reference"))]
     driven = any(np.isfinite(one.share) for one in references)
-    known = _most(references) if driven else _own_fit(final)
+    known = _most(references) if driven else _own_fit(final.before[0].axis)
     of = "any reference record" if driven else "what the model was fitted to"
     left = [(r, one) for r in residuals for _, one in _left_of_each([r])]
     far = [(r, one) for r, one in left if known is not None and one.far_beyond(known)]
@@ -121,12 +124,11 @@ def far_above_known(final: FinalFit, residuals: Sequence[RunResidual]) -> FarAbo
     return FarAbove(sum(float(np.sum(r.error_um**2)) for r, _ in far) / rows, farthest.run.name, most.um, of)
 
 
-def _own_fit(final: FinalFit) -> _Left | None:
-    """What the base left of its own records, beside a sine over its range; None where the stage file does not say."""
-    base = final.before[0].axis
-    assert base.time is not None
-    um = base.time.residual_um_rms
-    return _Left(um / (range_um(base) / np.sqrt(8)), um) if um else None
+def _own_fit(model: AxisModel) -> _Left | None:
+    """What a model left of its own records, beside a sine over its range; None where the stage file does not say."""
+    assert model.time is not None
+    um = model.time.residual_um_rms
+    return _Left(um / (range_um(model) / np.sqrt(8)), um) if um else None
 
 
 def _most(left: Sequence[_Left]) -> _Left:

@@ -70,7 +70,7 @@ SECTION = """
 **What reveals it**: {reveals}.
 
 **Confused with**: {confused}.
-
+{named}
 **Compensation**: {compensation}
 """
 
@@ -149,8 +149,20 @@ def _section(e: Effect) -> str:
         shows=e.shows,
         reveals=e.reveals,
         confused=", ".join(f"`{name}`" for name in e.confused_with),
+        named=f"\n**Named**: {where}.\n" if (where := _named_where(e)) else "",
         compensation=e.compensation,
     )
+
+
+def _named_where(e: Effect) -> str:
+    """Where `phaselead gap` does not name it, or "" where it may everywhere."""
+    if e.of_base:
+        return "not by `gap`: `phaselead fit` finds it, as a part of the base model"
+    if e.alone_as is not None:
+        return (
+            f"only where several axes move at once; one axis alone cannot tell it from `{e.alone_as}`, which is named"
+        )
+    return ""
 
 
 def _parameter(p: Parameter) -> str:
