@@ -45,21 +45,22 @@ def from_their_memories(records: Records, modes: tuple[Mode, ...]) -> Told:
     first and, where that shows that much of what is left is offsets, as little as they may; what leaves less is kept.
     """
     first = _of_settled_rows(records, modes)
-    told = [_told(records, first)]
+    in_full = _Telling.of(records, first)
+    told = [in_full.told()]
     judged = [_counted_least(*told[0][:2])]
     if judged[0] ** 2 < LIKELY_MEMORY * told[0][1].error ** 2:
-        told.append(_told(replace(records, offset_weight=LEAST_OFFSET_WEIGHT), first))
+        told.append(_Telling.of(replace(records, offset_weight=LEAST_OFFSET_WEIGHT), first).told())
         judged.append(_counted_least(*told[1][:2]))
     session, found, said = told[int(np.argmin(judged))]
     offsets = _offsets(session.fits, found)
     if max(offsets) > DRIFT:  # a memory may explain it, or another session
-        apart, of_apart, also = _told(replace(records, offset_weight=0.0), first)
+        apart, of_apart, also = _Telling.of(replace(records, offset_weight=0.0), first).told()
         if np.median(offsets) > DRIFT or of_apart.error**2 < OTHER_MEMORY * min(judged) ** 2:
             message = f"the records differ in offset by more than {100 * DRIFT:g} % of their range: each has its own"
             return apart, of_apart, [message, *also]
     # Settled rows leave much less: other memories may as well, without what makes records differ in offset.
     if first.error**2 < OTHER_MEMORY * min(judged) ** 2:
-        alike, of_alike, also = _told_alike(records, first)
+        alike, of_alike, also = in_full.told_alike()
         if _counted_least(alike, of_alike) ** 2 < OTHER_MEMORY * min(judged) ** 2:
             session, found, said = alike, of_alike, also
     session = replace(session, offset_weight=_weight_seen(session, found))
@@ -86,40 +87,12 @@ def _of_settled_rows(records: Records, modes: tuple[Mode, ...]) -> Solution:
     return late.at(basis, found.delay_s, found.rest_fraction, found.modes)
 
 
-def _told(records: Records, first: Solution) -> Told:
-    """The same for what offsets count in these records; ``first`` is of settled rows.
-
-    It begins with the memories that three operators tell: of settled rows, of all from rest, and of all after the
-    highest voltage, where that is how a session of falling levels began.
-    """
-    telling = _Telling.of(records, first)
-    starts = [first, telling.at_rest]
-    fallen = _after_top(records)
-    if any(f.turned_V for f in fallen.fits):
-        found = telling.searched(fallen)
-        if found.error < telling.at_rest.error and _tell_better(fallen, found, telling.at_rest):
-            telling.best = fallen, found, told_memories(fallen.fits)
-            starts.append(found)
-    for start in starts:
-        fits, _ = with_memories(records.fits, start, LIKELY_MEMORY, own_offsets=True)
-        telling.goes_on_from(fits)
-    return telling.best
-
-
-def _told_alike(records: Records, first: Solution) -> Told:
-    """The same from the memories that settled rows tell, where offsets are most alike."""
-    telling = _Telling.of(records, first)
-    fits, _ = with_memories(records.fits, first, LIKELY_MEMORY, own_offsets=True)
-    telling.goes_on_from(with_alike_offsets(fits, first))
-    return telling.best
-
-
-@dataclass
+@dataclass(frozen=True)
 class _Telling:
-    """Where the memories of some records lead to.
+    """What some records tell of their memories, for what offsets count in them.
 
-    They are told by an operator and the operator goes with the memories: what a wrong one made of a record is told anew
-    by the operator that the others led to.
+    Memories are told by an operator and the operator goes with the memories: what a wrong one made of a record is told
+    anew by the operator that the others led to.
     """
 
     records: Records
@@ -127,32 +100,60 @@ class _Telling:
     """Of settled rows: basis, modes, and where searches begin."""
     at_rest: Solution
     """Of all records as if from rest: what memories are compared with."""
-    best: Told
-    """What leaves least so far."""
-    tried: list[list[Turns | None]]
-    """Memories of all records that need not be tried again."""
+    of_first: list[FitRun]
+    """The records with the memories that settled rows tell."""
 
     @classmethod
     def of(cls, records: Records, first: Solution) -> _Telling:
         at_rest = records.searched(first.basis, first.delay_s, 0.0, first.modes)
-        return cls(records, first, at_rest, (records, at_rest, []), [])
+        return cls(records, first, at_rest, _with_likely_memories(records, first))
 
-    def searched(self, of: Records) -> Solution:
+    def told(self) -> Told:
+        """Begun with the memories that three operators tell: of settled rows, of all from rest, and of all after the
+        highest voltage, where that is how a session of falling levels began."""
+        starts = [self.of_first, _with_likely_memories(self.records, self.at_rest)]
+        fallen = _after_top(self.records)
+        best: Told = (self.records, self.at_rest, [])
+        if any(f.turned_V for f in fallen.fits):
+            found = self._searched(fallen)
+            if self._leaves_less(fallen, found, self.at_rest):
+                best = fallen, found, told_memories(fallen.fits)
+                starts.append(_with_likely_memories(self.records, found))
+        return self._best_from(starts, best)
+
+    def told_alike(self) -> Told:
+        """Begun with the memories that settled rows tell, where offsets are most alike."""
+        starts = [with_alike_offsets(self.of_first, self.first)]
+        return self._best_from(starts, (self.records, self.at_rest, []))
+
+    def _best_from(self, starts: Sequence[list[FitRun]], best: Told) -> Told:
+        """What leaves least: the best so far, these memories, or those that the operator of each round tells."""
+        tried: list[list[Turns | None]] = []
+        for fits in starts:
+            for rounds_left in reversed(range(MEMORY_ROUNDS)):
+                memories = [f.turned_V for f in fits]
+                if memories in tried or not any(turned_V is not None for turned_V in memories):
+                    break
+                tried.append(memories)
+                moved = replace(self.records, fits=fits)
+                by_them = self._searched(moved)
+                if self._leaves_less(moved, by_them, best[1]):
+                    best = moved, by_them, told_memories(fits)
+                if rounds_left:
+                    fits, _ = with_memories(self.records.fits, by_them, OTHER_MEMORY, self.records.own_offsets)
+        return best
+
+    def _searched(self, of: Records) -> Solution:
         return of.searched(self.first.basis, self.first.delay_s, self.first.rest_fraction, self.first.modes)
 
-    def goes_on_from(self, fits: list[FitRun]) -> None:
-        """Try the memories of these records, and those that the operator of each round tells, and keep the best."""
-        for rounds_left in reversed(range(MEMORY_ROUNDS)):
-            memories = [f.turned_V for f in fits]
-            if memories in self.tried or not any(turned_V is not None for turned_V in memories):
-                return
-            self.tried.append(memories)
-            moved = replace(self.records, fits=fits)
-            found = self.searched(moved)
-            if found.error < self.best[1].error and _tell_better(moved, found, self.at_rest):
-                self.best = moved, found, told_memories(fits)
-            if rounds_left:
-                fits, _ = with_memories(self.records.fits, found, OTHER_MEMORY, self.records.own_offsets)
+    def _leaves_less(self, moved: Records, found: Solution, best: Solution) -> bool:
+        """Whether memories leave less than the best so far, and clearly less of what has one than all from rest."""
+        return found.error < best.error and _tell_better(moved, found, self.at_rest)
+
+
+def _with_likely_memories(records: Records, found: Solution) -> list[FitRun]:
+    """The records with the memories that an operator tells first, whatever their offsets."""
+    return with_memories(records.fits, found, LIKELY_MEMORY, own_offsets=True)[0]
 
 
 def _after_top(records: Records) -> Records:
