@@ -20,6 +20,7 @@ from phaselead.gap.residual import modelled_run
 from phaselead.model.axis import AxisModel, TimeView
 from phaselead.model.chain import Chain
 from phaselead.model.effects import effect
+from phaselead.model.effects.interface import STOOD_OFF
 from phaselead.model.operator import plays_after
 
 STEP_S, ROWS = 1e-3, 700
@@ -70,7 +71,7 @@ def test_a_set_is_simulated_together_as_each_part_alone(entries):
     entries, run = sized(entries), forgetful(learned().runs[1])
     found = run.simulated(entries)
     free = parameters_of(entries)
-    fresh = run.coefficients(fresh_columns(run.modelled, entries))
+    fresh = run.coefficients(fresh_columns(run.modelled.run, run.modelled.answer, entries))
     assert found.tangents == len(free)
     scale = abs(fresh).max()
     np.testing.assert_allclose(found.columns[:, : len(free)], fresh[:, :-1], atol=1e-9 * scale)
@@ -153,8 +154,10 @@ def test_a_voltage_that_had_stood_off_shifts_plays_as_well(began):
     plays_V = None if began is None else plays_after(LOOPS.time, *began)
     run = run_of("train", 1)
     model = replace(modelled_run(LOOPS, run), chain=Chain(LOOPS, run.t_s, run.u_V, start=plays_V))
-    moved_um = model.after_voltage(np.full(ROWS, -0.5))
-    assert moved_um == pytest.approx(np.full(ROWS, -0.5 * (10.0 + 0.5 + 1.0)))  # the gain and both plays
+    (before,) = before_record(model, [(effect("charge_leakage"), {"rate_per_s": 1e-9})])
+    low, high = LOOPS.time.u_range_V
+    moved_um = np.full((ROWS, 1), STOOD_OFF * (high - low) * (10.0 + 0.5 + 1.0))  # the gain and both plays
+    np.testing.assert_allclose(before, moved_um)
 
 
 def test_what_had_gone_on_before_is_no_gap_that_a_voltage_predicts():

@@ -125,12 +125,11 @@ class Shifted:
     def base_error(self):
         return self._run.base_error + np.reshape(self._added, (-1, 1))
 
-    def coefficients(self, columns):
-        """Of a residual, the only one that the likelihood asks for."""
-        return self._run.coefficients(columns) + np.reshape(self._added, (-1, 1))
+    def error(self, entries, stood):
+        return self._run.error(entries, stood) + np.reshape(self._added, (-1, 1))
 
-    def simulated(self, entries):
-        found = self._run.simulated(entries)
+    def simulated(self, entries, stood=None):
+        found = self._run.simulated(entries, stood)
         columns = found.columns.copy()
         columns[:, -1] += self._added
         return replace(found, columns=columns)

@@ -42,6 +42,7 @@ from phaselead.gap.selection import Selection
 from phaselead.gap.unexplained import WORTH_SHARE, Unexplained, unexplained
 from phaselead.gap.voltage_independent import VoltageIndependent, find_voltage_independent
 from phaselead.model import AxisModel, Effect, catalogue
+from phaselead.quantity import digits
 
 _Finding = TypeVar("_Finding", NamedEffect, Adopted, Bound, Candidate, Cell, Detectable, NextExperiment)
 
@@ -164,7 +165,7 @@ def search_axis(
             *([_something_more(taken)] if selection.something_unnamed else []),
             *left.messages,
             *other.messages,
-            *_if_further_off(final),
+            *_still_under_way(final),
         ],
         adopted=kept,
         detectable=_detectable(selection, candidates),
@@ -179,16 +180,22 @@ def _something_more(names: AbstractSet[str]) -> str:
     return f"{beside}the records show something more than chance, and no effect of the catalogue is sure to be it"
 
 
-def _if_further_off(final: FinalFit) -> list[str]:
-    """What to say where held-out records are further off with a slow effect that is adopted than without, each about
-    its own mean."""
+def _still_under_way(final: FinalFit) -> list[str]:
+    """What to say where much of what is left of held-out records, each about its own mean, is what a slow effect that
+    is adopted had still under way when they began."""
     slow = [effect.name for effect, _ in final.entries if effect.slow]
-    if final.gap.after**2 <= (1 + WORTH_SHARE) * final.gap.before**2 or not slow:
+    if not slow:
         return []
+    gap, without = final.gap, final.without_history().gap
+    if gap.after**2 - without.after**2 <= WORTH_SHARE * gap.before**2:
+        return []
+    further_off = gap.after**2 > (1 + WORTH_SHARE) * gap.before**2
+    names = " and ".join(slow)
+    further = f"held-out records are further off with {names} than without; " if further_off else ""
     return [
-        f"held-out records are further off with {' and '.join(slow)} than without, each about its own mean: how much "
-        "was still under way when they began is not known; the odds count that, these figures do not. Let the stage "
-        "stand, or drive it the same way, before each record"
+        f"{further}without what {names} still had under way when the held-out records began, "
+        f"{digits(without.after, 2)} um would be left of them, not {digits(gap.after, 2)}: nobody knows how much that "
+        "was. The odds count it, the gap does not. Let the stage stand, or drive it the same way, before each record"
     ]
 
 

@@ -15,13 +15,12 @@ from phaselead.gap.error_rates import TWO_SIDED_95
 from phaselead.gap.findings import GapSize, Trace
 from phaselead.gap.floor import Floor
 from phaselead.gap.parameters import SizedEffect
-from phaselead.gap.posterior import LEAST_OF_MATERIAL, MOST_MISSED, before_record
+from phaselead.gap.posterior import LEAST_OF_MATERIAL, MOST_MISSED, before_record, history_um
 from phaselead.gap.records import GapRun, Role
 from phaselead.gap.residual import ModelledRun, RunResidual, base_entries, modelled_run, power_um2
 from phaselead.gap.ringing import without_ringing
 from phaselead.gap.selection import Selection
 from phaselead.gap.unexplained import Unexplained
-from phaselead.identify import apart_from
 from phaselead.model import AxisModel
 from phaselead.record import Samples
 
@@ -100,20 +99,11 @@ class FinalFit:
         pairs = []
         for t, left in zip((t for t in self.after if t.run.role == role), self.residuals(role), strict=True):
             apart = drift_um_per_s * _about_mean(t.run.t_s[t.run.rows])
-            apart = apart + self._history(t, left.error_um - apart)
+            apart = apart + history_um(t, self.entries, left.error_um - apart)
             if t.run.idle:
                 apart = apart + _history_of_base(t, left.error_um - apart)
             pairs.append((RunResidual(t.run, left.error_um - apart), apart))
         return pairs
-
-    def _history(self, modelled: ModelledRun, error: Samples) -> Samples:
-        """The part (n,) of a residual about its mean that lies along what each effect had done before a run."""
-        before = np.concatenate([np.zeros((len(error), 0)), *before_record(modelled, self.entries)], axis=1)
-        if not before.any():
-            return np.zeros(len(error))
-        before = before - before.mean(axis=0)
-        other = error - before @ np.linalg.lstsq(before, error, rcond=None)[0]
-        return np.asarray(error - apart_from(error[:, None], before, other)[:, 0])
 
     def offsets(self, role: Role) -> list[RecordOffset]:
         """Mean residual of the final model per run. The reference records are without the effects."""

@@ -31,7 +31,7 @@ def fitted_in_um(
 
     def slopes(x: Samples) -> Samples:
         at = entries_at(entries, x)
-        return -without_own([fresh_columns(run, at)[:, :-1] for run in runs])
+        return -without_own([fresh_columns(run.run, run.answer, at)[:, :-1] for run in runs])
 
     found = least_squares(errors, start, slopes, method="trf", x_scale="jac", max_nfev=evaluations)
     return entries_at(entries, found.x), 2 * float(found.cost)

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
-from phaselead.gap.residual import ModelledRun
+from phaselead.gap.records import GapRun
 from phaselead.model import Effect, Parameter
 from phaselead.record import Samples
 
 SizedEffect = tuple[Effect, Mapping[str, float]]
 """An effect and its parameters, each a single number."""
+
+Answer = Callable[[Sequence[SizedEffect]], Samples]
+"""Position (n,) in um over the scored rows of a run, of its model with some effects."""
 
 DIFFERENCE = 0.01
 """Finite difference for a tangent, in internal units."""
@@ -69,12 +72,12 @@ def internal_unit(p: Parameter) -> float:
     return abs(p.typical) if p.typical else (p.high - p.low) / 10
 
 
-def fresh_columns(modelled: ModelledRun, entries: Sequence[SizedEffect]) -> Samples:
-    """Columns (n, parameters + 1) in um over the scored rows of one run: what one internal unit of each parameter does,
-    by finite differences, and the residual last."""
-    answer = modelled.answer(entries)
-    columns = [(modelled.answer(_changed(entries, i, p, d)) - answer) / d for i, p, d in _differences(entries)]
-    return np.stack([*columns, modelled.run.x_um[modelled.run.rows] - answer]).T
+def fresh_columns(run: GapRun, answer_of: Answer, entries: Sequence[SizedEffect]) -> Samples:
+    """Columns (n, parameters + 1) in um over the scored rows of one run: what one internal unit of each parameter does
+    to its answer, by finite differences, and the residual last."""
+    answer = answer_of(entries)
+    columns = [(answer_of(_changed(entries, i, p, d)) - answer) / d for i, p, d in _differences(entries)]
+    return np.stack([*columns, run.x_um[run.rows] - answer]).T
 
 
 def _differences(entries: Sequence[SizedEffect]) -> list[tuple[int, Parameter, float]]:

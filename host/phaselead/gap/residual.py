@@ -45,8 +45,6 @@ record, as what is missing from the model may do in part; a start that is the tr
 does."""
 ALIKE = 1e-9
 """Relative difference of variances by which rounding alone differs."""
-SMALL_V_SHARE = 0.02
-"""Of the voltages that the base was fitted on: a change that is small beside the thresholds of its larger plays."""
 PERIODIC = 0.98
 """Correlation with itself a period later from which a voltage counts as periodic."""
 
@@ -92,14 +90,6 @@ class ModelledRun:
     def answer(self, extra: Extra = ()) -> Samples:
         """Position (n,) in um over the scored rows, of the model with the effects ``extra``."""
         return self.chain.run(extra)[self.run.rows]
-
-    def after_voltage(self, added_V: Samples) -> Samples:
-        """What a voltage (n_all,) in V, added to that of every row of the run and, as in the first, to all before,
-        would add to its answer: (n,) in um over the scored rows, in proportion to a small part of it."""
-        assert self.axis.time is not None
-        low, high = self.axis.time.u_range_V
-        part = SMALL_V_SHARE * (high - low) / max(float(np.abs(added_V).max()), 1e-30)
-        return np.asarray((self.chain.stood_off(part * added_V).run()[self.run.rows] - self.answer()) / part)
 
     def error(self, extra: Extra = ()) -> Samples:
         """Residual (n,) in um over the scored rows: measured minus the model with the effects ``extra``. The record's

@@ -148,7 +148,7 @@ def _that_pay(likelihood: Likelihood, entries: Sequence[SizedEffect], claims: Se
             gained = likelihood.held_out_log_density(tried) - likelihood.held_out_log_density(without)
             worse = gained < np.log(ERROR_RATE)
         else:
-            worse = probability_by_chance(saved_by_block(held, tried, held, without)) < ERROR_RATE
+            worse = probability_by_chance(saved_by_block(held, tried, held, without, tried)) < ERROR_RATE
         if worse:
             kept.remove(claim)
     return tuple(kept)

@@ -110,15 +110,6 @@ class Chain:
         chain._see(others_um)
         return chain
 
-    def stood_off(self, added_V: Samples) -> Chain:
-        """The same record with so much more (n,) than the recorded voltage at the stage: before it as much as in its
-        first row, so that its memory came about there."""
-        chain = copy(self)
-        chain._known = {}
-        value = self._input.value + np.concatenate([added_V[:1], added_V])
-        chain._input = replace(self._input, value=value)
-        return chain
-
     def push(self, extra: Extra = ()) -> Signal:
         """What the actuator would do without the mechanics, slack included; one row more than the record, in front."""
         entries = self._entries(extra)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from phaselead.gap.posterior.absent import largest_sizes
-from phaselead.gap.posterior.before import before_record
+from phaselead.gap.posterior.before import before_record, history_um
 from phaselead.gap.posterior.blocks import levels_say
 from phaselead.gap.posterior.detectable import MOST_STATED
 from phaselead.gap.posterior.forecast import Forecast
@@ -34,6 +34,7 @@ __all__ = [
     "before_record",
     "confused",
     "goes_on_between_records",
+    "history_um",
     "intervals",
     "intervals_alone",
     "judge",

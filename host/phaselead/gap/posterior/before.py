@@ -1,36 +1,129 @@
-"""What comes with effects beside their own doing: what went on before a record began, and their part in the base."""
+"""What comes with effects beside their own doing: what went on before a record began, and their part in the base.
+
+What an effect in front of the hysteresis had done before stands off as a voltage, and passes plays and bends: a little
+of it does something in proportion, and much does not. So its columns are those of a little more beside what had stood
+off already.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
+from phaselead.gap.error_rates import TWO_SIDED_95
 from phaselead.gap.parameters import SizedEffect, fresh_columns, is_logarithmic, to_internal
 from phaselead.gap.residual import ModelledRun
-from phaselead.model import Effect, Parameter, Params, Place
+from phaselead.identify import apart_from
+from phaselead.model import Effect, Entry, Parameter, Params, Place, Signal
 from phaselead.record import Samples
 
 NEAR_RATIO, NEAR_PART = 0.3, 0.2
 """Deviation of a shape that is near another: of its logarithm, or as a part of its range."""
+STANDING = 3
+"""How often what stood off before a record is found beside itself: a budget of time."""
+SMALL_AMOUNT = 0.05
+"""A change of what had stood off, in its prior deviations: little beside the thresholds of larger plays."""
+
+Stood = Mapping[str, tuple[float, ...]]
+"""By effect what had stood off as a voltage before a record, in prior deviations of the state of each of its lags."""
 
 
-def before_record(modelled: ModelledRun, entries: Sequence[tuple[Effect, Params]]) -> list[Samples]:
+def stands_off(effect: Effect) -> bool:
+    """Whether what an effect had done before a record stands off as a voltage in front of the hysteresis."""
+    return effect.before_record is not None and effect.place <= Place.AMPLIFIER
+
+
+def with_stood(entries: Sequence[Entry], stood: Stood, by: Sequence[Entry] | None = None) -> list[Entry]:
+    """The effects, and what had stood off by them or, if given, ``by`` others."""
+    found = list(entries)
+    for effect, params in entries if by is None else by:
+        if any(stood.get(effect.name, ())):
+            found.append(_standing_off(effect, params, stood[effect.name]))
+    return found
+
+
+def _standing_off(effect: Effect, params: Params, amounts: tuple[float, ...]) -> Entry:
+    """What adds such a voltage behind an effect. The row in front of a record has that of the first: the memory of the
+    stage came about there."""
+    before = effect.before_record
+    assert before is not None
+
+    def apply(signal: Signal, _: Params) -> Samples:
+        since_s = np.maximum(signal.t_s - signal.t_s[1], 0.0)
+        return np.asarray(signal.value + before(since_s, params, signal.axis) @ np.array(amounts))
+
+    given: Params = {**params, "amounts": amounts}
+    adder = replace(effect, name=f"{effect.name} before", parameters=(), accepts=tuple(given), fixed={}, apply=apply)
+    return replace(adder, normalise=lambda same: same), given
+
+
+def amounts_stood(entries: Sequence[Entry], of_effects: Sequence[int], stood: Stood) -> Samples:
+    """(k,) amounts of the columns of ``before_record``, each of the entry of that number: 0 of what is no voltage."""
+    found, of = np.zeros(len(of_effects)), np.array(of_effects)
+    for i, (effect, _) in enumerate(entries):
+        if effect.name in stood:
+            found[of == i] = stood[effect.name]
+    return found
+
+
+def stood_of(entries: Sequence[Entry], of_effects: Sequence[int], amounts: Samples) -> Stood:
+    """What stood off as voltages, by the amounts (k,) of all columns of ``before_record``."""
+    of = np.array(of_effects)
+    return {effect.name: tuple(amounts[of == i].tolist()) for i, (effect, _) in enumerate(entries)
+            if stands_off(effect)}  # fmt: skip
+
+
+def before_record(
+    modelled: ModelledRun, entries: Sequence[Entry], beside: Sequence[Entry] = (), stood: Stood | None = None
+) -> list[Samples]:
     """Columns (n, k) in um of what each effect had done before the record began, one deviation of the state of each of
-    its lags; k is 0 of one that is not slow. What stood off as a voltage passes the hysteresis."""
-    run = modelled.run
+    its lags; k is 0 of one that is not slow. Of what stands off as a voltage it is what a little more does, beside
+    other effects and what had stood off already."""
+    run, stood = modelled.run, stood or {}
     since_s = run.t_s - run.t_s[0]
     found: list[Samples] = []
     for effect, params in entries:
         if effect.before_record is None:
             found.append(np.zeros((run.stop - run.start, 0)))
-            continue
-        columns = effect.before_record(since_s, params, modelled.axis)
-        if effect.place <= Place.AMPLIFIER:
-            found.append(np.stack([modelled.after_voltage(column) for column in columns.T], axis=1))
+        elif stands_off(effect):
+            k = effect.before_record(since_s[:1], params, modelled.axis).shape[1]
+            amounts = np.array(stood.get(effect.name, (0.0,) * k))
+            others = with_stood(beside, stood, [one for one in entries if one[0] is not effect])
+
+            def answer(at: Samples, one: Entry = (effect, params), among: Sequence[Entry] = others) -> Samples:
+                return modelled.answer([*among, _standing_off(*one, tuple(at.tolist()))])
+
+            there = answer(amounts)
+            moved = amounts + SMALL_AMOUNT * np.eye(k)
+            found.append(np.stack([answer(at) - there for at in moved], axis=1) / SMALL_AMOUNT)
         else:
-            found.append(columns[run.rows])
+            found.append(effect.before_record(since_s, params, modelled.axis)[run.rows])
     return found
+
+
+def history_um(
+    modelled: ModelledRun, entries: Sequence[Entry], error: Samples, beside: Sequence[Entry] | None = None
+) -> Samples:
+    """The part (n,) of a residual about its mean of what some effects had done before a run. ``beside``: the effects
+    that it is a residual of, by default the same."""
+    slow = [entry for entry in entries if entry[0].before_record is not None]
+    if not slow:
+        return np.zeros(len(error))
+    stood: Stood = {}
+    beside = entries if beside is None else beside
+    for _ in range(STANDING):
+        parts = before_record(modelled, slow, beside, stood)
+        of_effects = [i for i, part in enumerate(parts) for _ in range(part.shape[1])]
+        before = np.concatenate(parts, axis=1)
+        before = before - before.mean(axis=0)
+        stands_um = modelled.answer(with_stood(beside, stood, slow)) - modelled.answer(beside)
+        # All that had stood off is an amount of its columns, not only what differs from that beside which they are.
+        all_of_it = error - (stands_um - stands_um.mean()) + before @ amounts_stood(slow, of_effects, stood)
+        amounts = np.linalg.lstsq(before, all_of_it, rcond=None)[0]
+        stood = stood_of(slow, of_effects, np.clip(amounts, -TWO_SIDED_95, TWO_SIDED_95))
+    return np.asarray(error - apart_from(all_of_it[:, None], before, all_of_it - before @ amounts)[:, 0])
 
 
 def as_fault(modelled: ModelledRun, entries: Sequence[SizedEffect]) -> Samples:
@@ -42,7 +135,7 @@ def as_fault(modelled: ModelledRun, entries: Sequence[SizedEffect]) -> Samples:
     found = [np.zeros((modelled.run.stop - modelled.run.start, 0))]
     for entry in entries:
         shown = _typical_at_most(entry) if entry[0].is_lag else entry
-        found.append(fresh_columns(modelled, [shown])[:, :-1] * fault_deviations(entry))
+        found.append(fresh_columns(modelled.run, modelled.answer, [shown])[:, :-1] * fault_deviations(entry))
     return np.concatenate(found, axis=1)
 
 

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from scipy.fft import dct, next_fast_len
 
 from phaselead.gap.parameters import SizedEffect, fresh_columns, parameters_of
-from phaselead.gap.posterior.before import before_record
+from phaselead.gap.posterior.before import Stood, amounts_stood, before_record, with_stood
 from phaselead.gap.records import GapRun, roles_at_one_time
 from phaselead.gap.residual import ModelledRun, base_entries
 from phaselead.record import Samples
@@ -190,28 +190,42 @@ class BlockedRun:
         """Mean power (blocks,) of what the base leaves."""
         return self.products(self.base_error, self.base_error)[:, 0, 0]
 
-    def simulated(self, entries: Sequence[SizedEffect]) -> Simulated:
-        """What a set of effects does in the record."""
-        key = tuple((id(effect), *(params[p.name] for p in effect.parameters)) for effect, params in entries)
+    def simulated(self, entries: Sequence[SizedEffect], stood: Stood | None = None) -> Simulated:
+        """What a set of effects does in the record, beside what it had done before it as a voltage."""
+        stood = stood or {}
+        parts = [(id(effect), *(params[p.name] for p in effect.parameters)) for effect, params in entries]
+        key = (*parts, *stood.items())
         if key in self._known:
             self._known[key] = self._known.pop(key)  # the most recent is the last
             return self._known[key]
-        found = self._known[key] = self._simulated(tuple(entries))
+        found = self._known[key] = self._simulated(tuple(entries), stood)
         while len(self._known) > 1 and sum(one.columns.shape[1] for one in self._known.values()) > REMEMBERED:
             del self._known[next(iter(self._known))]
         return found
 
-    def _simulated(self, entries: tuple[SizedEffect, ...]) -> Simulated:
+    def error(self, entries: Sequence[SizedEffect], stood: Stood) -> Samples:
+        """Coefficients (n, 1) of what is left beside some effects and what had stood off."""
+        if not self.changed:
+            return self.base_error
+        return self.coefficients(self.modelled.error(with_stood(entries, stood))[:, None])
+
+    def _simulated(self, entries: tuple[SizedEffect, ...], stood: Stood) -> Simulated:
         if not self.changed:
             return Simulated(self.base_error, 0, np.zeros((len(entries), len(self.sizes))), np.zeros(len(entries)), ())
-        answer, e, p = self.modelled.answer(entries), len(entries), len(parameters_of(entries))
-        added = [answer - self.modelled.answer([*entries[:i], *entries[i + 1 :]]) for i in range(e)]
-        fresh = fresh_columns(self.modelled, entries)
-        before = before_record(self.modelled, entries)
-        each = [np.array(added).reshape(e, len(answer)), fresh.T[:-1], *(one.T for one in before), fresh.T[-1:]]
+
+        def answer_of(some: Sequence[SizedEffect]) -> Samples:
+            return self.modelled.answer(with_stood(some, stood))
+
+        answer, e, p = answer_of(entries), len(entries), len(parameters_of(entries))
+        added = [answer - answer_of([*entries[:i], *entries[i + 1 :]]) for i in range(e)]
+        fresh = fresh_columns(self.modelled.run, answer_of, entries)
+        before = before_record(self.modelled, entries, entries, stood)
+        of = tuple(i for i, part in enumerate(before) for _ in range(part.shape[1]))
+        # All that had stood off is an amount of its columns, not only what differs from that beside which they are.
+        there = np.concatenate([np.zeros((len(answer), 0)), *before], axis=1) @ amounts_stood(entries, of, stood)
+        each = [np.array(added).reshape(e, len(answer)), fresh.T[:-1], *(one.T for one in before), fresh.T[-1:] + there]
         columns = self.coefficients(np.concatenate(each).T)
         squares = np.add.reduceat(columns[:, :e] ** 2, self.edges[:-1], axis=0).T
-        of = tuple(i for i, part in enumerate(before) for _ in range(part.shape[1]))
         return Simulated(columns[:, e:].copy(order="K"), p, squares / self.sizes, columns[0, :e].copy(), of)
 
     def power(self, column: Samples) -> Samples:

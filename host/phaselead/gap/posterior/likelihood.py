@@ -1,45 +1,40 @@
-"""How likely the records are under a set of effects, and how surely they tell its parameters.
+"""Sets of effects beside one base: what each does in the records, how well it is fitted, and its evidence.
 
-In each block the residual's coefficients are normal of a variance
-
-    v = noise + kappa^2 base + sum_j rho_j^2 signal_j
-
-with ``base`` what the base is expected to leave (``expected``) and ``signal_j`` the power of what effect j adds: no
-stage obeys an equation exactly, and what the equation of an effect misses is a share rho of it, one for all effects
-but never less than what is left by the best equations of a material. What the base misses differs from record to
-record, by kappa. Both are unknown and summed over. What a model misses is smooth, so that all coefficients of a block
-say it once, where noise says something new in each: a block counts as so many (``expected``). Where few told the
-variance, Student's t takes the place of the normal distribution.
+How likely records are in which a set leaves so much is in ``density``. What the base may miss in all records alike is
+shared by all sets, so that their evidences can be compared.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
-from scipy.special import gammaln, logsumexp, softmax
 
 from phaselead.gap.parameters import SizedEffect, entries_at, internal, is_logarithmic, parameters_of
-from phaselead.gap.posterior.before import as_fault, fault_deviations
-from phaselead.gap.posterior.blocks import OF_LEVEL, BlockedRun, Simulated
-from phaselead.gap.posterior.expected import Expected
+from phaselead.gap.posterior.before import (
+    STANDING,
+    Stood,
+    amounts_stood,
+    as_fault,
+    fault_deviations,
+    stands_off,
+    stood_of,
+)
+from phaselead.gap.posterior.blocks import BlockedRun, Simulated
+from phaselead.gap.posterior.density import ANYWHERE_UM2, LEAST_GAIN, SETTLED, Density
 from phaselead.gap.posterior.levels import about_their_sessions, with_levels_about_their_sessions
 from phaselead.gap.posterior.missed import (
     MOST_MISSED,
-    TIMES_BASE,
-    beside_one_another,
     is_of_material,
     log_prior_of_share,
-    may_be_missed_um2,
-    missed_um2,
     shares_of,
 )
-from phaselead.gap.posterior.moments import Amounts, Moments, Normal, SharedProducts, together
+from phaselead.gap.posterior.moments import Moments, SharedProducts
 from phaselead.gap.posterior.priors import Prior, prior_of
-from phaselead.gap.posterior.sets import Fit, Settled, Terms, confused, has_history
+from phaselead.gap.posterior.sets import Fit, Terms, confused
 from phaselead.gap.posterior.still_moving import likeliest_moving, log_sum_over_records
 from phaselead.record import Samples
 
@@ -48,13 +43,8 @@ LIKE_RIVALS = 0.1
 says it is confused with, and that their equations may miss and looks like it, all together. A prior of the size of that
 misfit, chosen and not measured: it lies within the 2 to 20 % that models of hysteresis, creep and modes are taken to
 leave."""
-STEPS, LEAST_GAIN, DAMPINGS = 8, 0.05, 5
-"""Of a fit at most, the gain in log units that ends it, and how many dampings a step tries."""
-
-SETTLING, SETTLED = 30, 0.01
-"""Steps at most in which what is integrated out settles, and the change in prior deviations that ends them."""
-ANYWHERE_UM2 = 1e12
-"""Variance of levels that say nothing, (1 m)^2."""
+STEPS, DAMPINGS = 8, 5
+"""Of a fit at most, and how many dampings a step tries."""
 NEGLIGIBLE = 1e-3
 """Probability of a share below which it does not widen an interval."""
 
@@ -64,11 +54,9 @@ MakeColumns = Callable[[BlockedRun], Samples]
 
 
 @dataclass
-class Likelihood:
+class Likelihood(Density):
     """Of sets of effects beside one base."""
 
-    runs: tuple[BlockedRun, ...]
-    expected: Expected
     shared: tuple[Samples, ...]
     """Per run the coefficients (n, k) of what the base may miss in all records alike, one prior deviation each."""
     shared_by: tuple[MakeColumns, ...] = ()
@@ -77,32 +65,10 @@ class Likelihood:
     """Effects that explain much, by themselves or beside others: what may be taken for one another."""
 
     def __post_init__(self) -> None:
-        parts = [self.expected.of(run, run.motion) for run in self.runs]
-        self.noise, self.base, self.told = (np.concatenate(of) for of in zip(*parts, strict=True))
-        held = [np.full(len(run.sizes), run.modelled.run.role == "holdout") for run in self.runs]
-        self.fitted = ~np.concatenate(held)
-        self.changed = np.concatenate([np.full(len(run.sizes), run.changed) for run in self.runs])
-        self._octaves = np.concatenate([run.octaves for run in self.runs])
-        self._is_level = self._octaves == OF_LEVEL
-        self._in_octave = (self._octaves[:, None] == np.unique(self._octaves)).astype(float)
+        super().__post_init__()
         pairs = zip(self.runs, self.shared, strict=True)
         # Of the shared columns with each other, which all sets have in common.
         self.among_shared = SharedProducts(np.concatenate([run.products(one, one) for run, one in pairs]))
-        self._blocks = [0, *np.cumsum([len(run.sizes) for run in self.runs]).tolist()]
-        self._sizes = np.concatenate([run.sizes for run in self.runs])
-        # What the equations may miss of whatever is there, the same for all sets: they are compared on the same data.
-        left = np.concatenate([run.spread(run.base_left_um2) for run in self.runs])
-        gap = np.where(self.changed, np.maximum(left - self.noise - self.base, 0.0), 0.0)
-        self.counted = self.counted_beside(may_be_missed_um2(self.base, gap))
-
-    def counted_beside(self, missed: Samples) -> Samples:
-        """As how many coefficients (..., blocks) a block counts beside the noise and something missed of this power."""
-        return self.expected.counted(self._octaves, self._sizes, self.noise, missed)
-
-    @property
-    def step_s(self) -> float:
-        """Between rows of the first record."""
-        return self.runs[0].modelled.run.step_s
 
     def knowing(self, effects: Sequence[SizedEffect]) -> Likelihood:
         """The same, where further effects may be taken for others. Where reference records can tell, the base may lack
@@ -162,16 +128,23 @@ class Likelihood:
                 added[:, block] = first**2
         return added
 
-    def terms(self, entries: Sequence[SizedEffect], moving: Samples | None = None) -> Terms:
+    def terms(
+        self, entries: Sequence[SizedEffect], moving: Samples | None = None, stood: Sequence[Stood] = ()
+    ) -> Terms:
         """A set of effects at its parameters. ``moving`` (runs, b): 1 for what still goes on in a record of what had
-        been done before, by default all."""
-        found = [run.simulated(entries) for run in self.runs]
+        been done before, by default all. ``stood``: by run what had stood off as a voltage, by default nothing."""
+        stood = tuple(stood) or ({},) * len(self.runs)
+        found = [run.simulated(entries, of_run) for run, of_run in zip(self.runs, stood, strict=True)]
         of_effects = self._added_um2(found)
         material = of_effects[is_of_material(entries)].sum(axis=0)
         prior = prior_of(entries)
         moments = self._moments(found)
         moments = moments if moving is None else moments.where_moving(moving)
-        return Terms(tuple(entries), moments, of_effects.sum(axis=0), material, prior)
+        return Terms(tuple(entries), moments, of_effects.sum(axis=0), material, prior, stood)
+
+    def simulated(self, terms: Terms) -> list[Simulated]:
+        """What a set of effects does in each run."""
+        return [run.simulated(terms.entries, stood) for run, stood in zip(self.runs, terms.stood, strict=True)]
 
     def _moments(self, found: Sequence[Simulated]) -> Moments:
         """Of tangents, of what is integrated out, and of the residual."""
@@ -199,13 +172,15 @@ class Likelihood:
         """A set at parameters near those of ``terms``, without tangents, for their likelihood alone."""
         own: Samples = np.zeros(terms.moments.integrated.own.shape[:2])
         across = np.zeros((self._blocks[-1], self.among_shared.size))
-        each = [
-            run.coefficients(run.modelled.error(entries)[:, None]) if run.changed else run.base_error
-            for run in self.runs
-        ]
+        found = self.simulated(terms)
+        there = [one.before @ amounts_stood(entries, one.of_effects, stood)[:, None]
+                 for one, stood in zip(found, terms.stood, strict=True)]  # fmt: skip
+        each = [run.error(entries, stood) + more
+                for run, stood, more in zip(self.runs, terms.stood, there, strict=True)]  # fmt: skip
         lefts = with_levels_about_their_sessions(self.runs, each)
-        for run, shared, left, (a, b) in zip(self.runs, self.shared, lefts, pairwise(self._blocks), strict=True):
-            mine = np.concatenate([run.simulated(terms.entries).before, left], axis=1)
+        parts = zip(self.runs, self.shared, found, lefts, pairwise(self._blocks), strict=True)
+        for run, shared, one, left, (a, b) in parts:
+            mine = np.concatenate([one.before, left], axis=1)
             own[a:b, own.shape[1] - mine.shape[1] :] = run.products(left, mine)[:, 0]
             across[a:b] = run.products(left, shared)[:, 0]
         of_records = np.repeat(terms.moments.moving, np.diff(self._blocks), axis=0)
@@ -213,37 +188,7 @@ class Likelihood:
         moments = terms.moments.with_residual(own, across)
         prior = prior_of(entries)
         none = Prior(prior.log_density, np.zeros(0), np.zeros(0))
-        return Terms(entries, moments, terms.signal, terms.of_material, none)
-
-    def variance(self, terms: Terms, shares: Sequence[float]) -> Samples:
-        """v (s, k, blocks) in um^2, for each multiple of what the base misses in a record."""
-        missed = missed_um2(np.array(shares)[:, None], terms.signal, terms.of_material)
-        found = np.asarray(self._without_effects + missed[:, None])
-        if has_history(terms.entries) or not terms.levels_say:
-            found[..., self._is_level] = ANYWHERE_UM2
-        return found
-
-    @cached_property
-    def _without_effects(self) -> Samples:
-        """v (k, blocks) in um^2 of noise and base alone, for each multiple of what the base misses in a record."""
-        return np.asarray(self.noise + np.array(TIMES_BASE)[:, None] ** 2 * self.base)
-
-    def _log_densities(self, power: Samples, variance: Samples) -> Samples:
-        """(s, k, blocks) of the residual's power (s, blocks), as many coefficients of each block as count."""
-        t, n = self.told, self.counted
-        one = gammaln((t + n) / 2) - gammaln(t / 2) - n / 2 * np.log(t * np.pi * variance)
-        return np.asarray(one - (t + n) / 2 * np.log1p(n * power[:, None] / (t * variance)))
-
-    def _of_records(self, power: Samples, variance: Samples, held_out: bool) -> Samples:
-        """Log density (s, k, records) of the residual's power (s, blocks); 0 of the held-out records without
-        ``held_out``."""
-        each = np.where(held_out | self.fitted, self._log_densities(power, variance), 0.0)
-        return np.asarray(np.add.reduceat(each, self._blocks[:-1], axis=-1))
-
-    def log_density(self, power: Samples, variance: Samples, held_out: bool = True) -> Samples:
-        """(s,) of the residual's power (s, blocks)."""
-        of_records = self._of_records(power, variance, held_out)
-        return np.asarray(np.sum(logsumexp(of_records, axis=1) - np.log(len(TIMES_BASE)), axis=-1))
+        return Terms(entries, moments, terms.signal, terms.of_material, none, terms.stood)
 
     def held_out_log_density(self, entries: Sequence[SizedEffect]) -> float:
         """Of the held-out records as effects at their parameters predict them, levels and all."""
@@ -254,105 +199,11 @@ class Likelihood:
         variance = self._without_effects[None]
         return (self.log_density(power, variance) - self.log_density(power, variance, held_out=False)).item()
 
-    def weights(self, power: Samples, variance: Samples, held_out: bool = True) -> Samples:
-        """By which squares (s, blocks) count near a residual of this power."""
-        t, n = self.told, self.counted
-        of_records = softmax(self._of_records(power, variance, held_out), axis=1)
-        likely = np.repeat(of_records, np.diff(self._blocks), axis=-1)
-        each = n * (t + n) / (t * variance + n * power[:, None])
-        return np.where(held_out | self.fitted, np.sum(likely * each, axis=1), 0.0)
-
-    def settled(self, terms: Terms, shares: Sequence[float], held_out: bool = True) -> Settled:
-        """Where what is integrated out is most likely."""
-        keys = [(one, held_out) for one in shares]
-        missing = [key for key in keys if key not in terms.settled]
-        if missing:
-            found = self._settled(terms, [one for one, _ in missing], held_out)
-            terms.settled.update({key: found[i] for i, key in enumerate(missing)})
-        parts = [terms.settled[key] for key in keys]
-        power, variance = (np.concatenate(of) for of in zip(*((one.power, one.variance) for one in parts), strict=True))
-        return Settled(together([one.amounts for one in parts]), power, variance)
-
-    def _settled(self, terms: Terms, shares: Sequence[float], held_out: bool) -> Settled:
-        moments = terms.moments.integrated
-        # The first step is taken as if they explained everything: from nothing it would begin by calling an outlier
-        # what they explain.
-        variance, amounts = self.variance(terms, shares), moments.none(len(shares))
-        power, unsettled = np.zeros_like(variance[:, 0]), np.arange(len(shares) if moments.columns else 0)
-        for _ in range(SETTLING):
-            if not len(unsettled):
-                break
-            w = self.weights(power[unsettled], variance[unsettled], held_out)
-            normal, right = moments.normal(w, np.zeros(0))
-            found = normal.solve(right)
-            moved = (found - amounts[unsettled]).largest()
-            amounts.put(unsettled, found)
-            was, power[unsettled] = power[unsettled], moments.power(found)
-            # A deviation of a zero is many of a level: by how far that moves tells nothing of how likely levels are.
-            changed = np.abs(power[unsettled] - was)[:, self._is_level] / variance[unsettled, 0][:, self._is_level]
-            unsettled = unsettled[(moved >= SETTLED) | (changed.max(axis=1, initial=0.0) / 2 >= LEAST_GAIN)]
-        return Settled(amounts, moments.power(amounts), variance)
-
-    def log_joint(self, terms: Terms, shares: Sequence[float], held_out: bool = True) -> Samples:
-        """Log density (s,) of the records, the held-out ones or not, and of all parameters."""
-        at = self.settled(terms, shares, held_out)
-        squares = at.amounts.along(at.amounts)[:, 0, 0]
-        return np.asarray(self.log_density(at.power, at.variance, held_out) + terms.prior.log_density - 0.5 * squares)
-
-    def information(
-        self, terms: Terms, shares: Sequence[float], held_out: bool = True, independent: Samples | float = 1.0
-    ) -> tuple[Normal, Amounts]:
-        """Of the parameters and of what is integrated out, by the records and the priors together, and the slope of the
-        log density. Of what a block says only the share ``independent`` (s, blocks) counts."""
-        at = self.settled(terms, shares, held_out)
-        w = independent * self.weights(at.power, at.variance, held_out)
-        normal, right = terms.moments.normal(w, terms.prior.precision)
-        p = len(terms.prior.centre)
-        slope = right - normal.times(at.amounts.behind(p))
-        off = terms.prior.precision * (internal(terms.entries) - terms.prior.centre)
-        slope.common[:, :p, 0] -= off
-        return normal, slope
-
-    def independent(self, terms: Terms, shares: Sequence[float], signal: Samples) -> Samples:
-        """Share (s, blocks) of what a block says of the size of something with this power (blocks,) that other records
-        do not say too. What the base and the equations miss is the stage's, and the same in every record: an octave
-        tells a size past it once, however many records there are. A level tells a size of what moves the zero, in
-        each record: that of others depends on a past that nobody knows."""
-        at = self.settled(terms, shares)
-        variance = 1 / self.weights(at.power, at.variance)
-        told = signal / variance
-        of_octave = (told @ self._in_octave) ** 2 / np.maximum(told**2 @ self._in_octave, 1e-300)
-        records = np.maximum(of_octave, 1.0) @ self._in_octave.T
-        noise = self.noise / self.counted_beside(np.zeros_like(self.noise))
-        told_once = variance / (noise + records * np.maximum(variance - noise, 0.0))
-        moves_zero = any(effect.moves_zero is not None for effect, _ in terms.entries)
-        return np.where(self._is_level, float(moves_zero), told_once)
-
     def _covariances(self, terms: Terms, shares: Sequence[float]) -> Samples:
         """(s, p + k, p + k) of the parameters in internal units, and of the amounts of the shared columns."""
         independent = self.independent(terms, shares, terms.signal)
         normal, _ = self.information(terms, shares, independent=independent)
         return np.asarray(np.linalg.inv(normal.reduced))
-
-    def likeliest_share(self, terms: Terms, near: float | None = None) -> tuple[float, float]:
-        """The most likely share, after the log density there: of all, or by steps from that of a set like it."""
-        grid = shares_of(terms.entries)
-        found = self._log_joints(terms, grid if near is None else [near])
-        while near is not None:
-            best = max(found, key=lambda one: found[one])
-            found |= self._log_joints(
-                terms, [one for one in grid if one not in found and beside_one_another(one, best)]
-            )
-            if max(found, key=lambda one: found[one]) == best:
-                break
-        return max((density, one) for one, density in found.items())
-
-    def _log_joints(self, terms: Terms, shares: Sequence[float]) -> dict[float, float]:
-        """Log density of the records, of all parameters and of the share, under each of these."""
-        if not shares:
-            return {}
-        found = self.log_joint(terms, shares).tolist()
-        return {one: log + log_prior_of_share(terms.entries, one) for one, log in zip(shares, found, strict=True)}
 
     def fit(self, start: Sequence[SizedEffect] | Terms, steps: int = STEPS) -> Fit:
         """The most likely parameters near those of ``start``, which may be terms of this likelihood."""
@@ -378,7 +229,7 @@ class Likelihood:
     def fitted_terms(self, start: Sequence[SizedEffect] | Terms, steps: int = STEPS) -> tuple[Terms, float, float]:
         """A set at its most likely parameters near those of ``start``, the share there and the log density."""
         terms = start if isinstance(start, Terms) else self.terms(start)
-        best, share = self.likeliest_share(terms)
+        terms, best, share = self._beside_what_stood(terms, *self.likeliest_share(terms), STANDING)
         damping = 1e-3
         for _ in range(steps if terms.entries else 0):
             information, slope = self.information(terms, [share])
@@ -391,13 +242,30 @@ class Likelihood:
                 near = self._near(terms, entries)
                 gained = self._log_joints(near, [share])[share] - best
                 if gained > 0:
-                    terms, damping = self.terms(entries, terms.moments.moving), max(damping / 5, 1e-6)
-                    best, share = self.likeliest_share(terms, share)
+                    terms, damping = self.terms(entries, terms.moments.moving, terms.stood), max(damping / 5, 1e-6)
+                    terms, best, share = self._beside_what_stood(terms, *self.likeliest_share(terms, share), 1)
                     break
                 damping = max(damping, 1e-3) * 10
             if gained < LEAST_GAIN:
                 break
         return terms, share, best
+
+    def _beside_what_stood(self, terms: Terms, best: float, share: float, rounds: int) -> tuple[Terms, float, float]:
+        """The set beside what most likely had stood off before each record as a voltage, the log density then and the
+        share: much of it does not do in proportion what a little does."""
+        if not any(stands_off(effect) for effect, _ in terms.entries):
+            return terms, best, share
+        of = [one.of_effects for one in self.simulated(terms)]
+        for _ in range(rounds):
+            amounts = self.settled(terms, [share]).amounts.before[0, :, :, 0]
+            stood = [stood_of(terms.entries, mine, one[: len(mine)]) for mine, one in zip(of, amounts, strict=True)]
+            moved = [amounts_stood(terms.entries, mine, now) - amounts_stood(terms.entries, mine, then)
+                     for mine, now, then in zip(of, stood, terms.stood, strict=True)]  # fmt: skip
+            if np.abs(np.concatenate(moved)).max() < SETTLED:
+                break
+            terms = self.terms(terms.entries, terms.moments.moving, stood)
+            best, share = self.likeliest_share(terms, share)
+        return terms, best, share
 
     def judged(self, terms: Terms, share: float) -> Fit:
         """Evidence and covariance of a set at its most likely parameters."""
@@ -437,8 +305,7 @@ class Likelihood:
         every = (terms.moments.all_moving or terms.moments).integrated
         normal, right = every.normal(self.weights(at.power, at.variance), np.zeros(0))
         slopes = right.before[0, :, :, 0] - (normal.beside[0] @ at.amounts.common[0])[:, :, 0]
-        for i, run in enumerate(self.runs):
-            of_effects = run.simulated(terms.entries).of_effects
+        for i, of_effects in enumerate(one.of_effects for one in self.simulated(terms)):
             if of_effects:
                 information = normal.before[0, i] - np.eye(len(of_effects))
                 moving[i], of_run = likeliest_moving(information, slopes[i], of_effects)

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 from phaselead.gap.parameters import SizedEffect
+from phaselead.gap.posterior.before import Stood
 from phaselead.gap.posterior.moments import Amounts, Moments
 from phaselead.gap.posterior.priors import Prior
 from phaselead.model import Effect
@@ -43,6 +44,8 @@ class Terms:
     of_material: Samples
     """(blocks,) the part of it that is of the ceramic's loops and creep."""
     prior: Prior
+    stood: tuple[Stood, ...]
+    """By run what the effects had done before it as voltages, beside which all of this is linear."""
     levels_say: bool = True
     """Whether levels count."""
     settled: dict[tuple[float, bool], Settled] = field(default_factory=dict)

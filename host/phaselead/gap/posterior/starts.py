@@ -178,7 +178,7 @@ class Starts:
         own = [np.zeros((len(group.steps),) * 2) for group in groups]
         places = np.split(np.arange(k), np.cumsum([len(group.steps) for group in groups])[:-1])
         of_runs = np.split(w, terms.moments.runs[1:-1])
-        simulated = [run.simulated(fit.entries) for run in likelihood.runs]
+        simulated = likelihood.simulated(fit.terms)
         parts = zip(likelihood.runs, of_runs, simulated, likelihood.first_rows(simulated), strict=True)
         for i, (run, mine, of_run, first) in enumerate(parts):
             if not run.changed:

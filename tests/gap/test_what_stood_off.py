@@ -1,0 +1,125 @@
+"""What a leak had done before a record began is a voltage: it passes plays and bends, and much of it does not do what a
+little does so many times over."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from rig import Rig
+from scipy.signal import lfilter
+from test_gap_laws import waves
+
+from phaselead.gap.posterior import history_um, likelihood_of
+from phaselead.gap.posterior.before import before_record, stood_of, with_stood
+from phaselead.gap.records import GapRun
+from phaselead.gap.residual import modelled_run
+from phaselead.gap.run import run_gap
+from phaselead.identify import fit
+from phaselead.model import Chain, catalogue, rest_plays
+from phaselead.model.axis import AxisModel, TimeView
+from phaselead.model.effects import effect
+from phaselead.model.effects.interface import STOOD_OFF
+from phaselead.record.recording import AxisRecord
+
+RATE_HZ = 1000.0
+LEAK = effect("charge_leakage")
+LEAKS = ((LEAK, {"rate_per_s": 0.05}),)
+BENT = AxisModel(
+    time=TimeView(
+        gain_um_per_V=10.0, u_range_V=(0.0, 8.0), rate_Hz=RATE_HZ, play_r_V=(0.3, 1.0), play_w_um_per_V=(0.5, 1.0),
+        deadzone_d_V=(1.0, 3.0, 5.0), deadzone_s_um_per_V=(1.0, 1.0, 1.0),
+    )
+)  # fmt: skip
+KEPT = ("charge_leakage", "creep", "thermal_drift", "asymmetric_hysteresis", "saturation", "sensor_nonlinearity")
+WITHOUT = tuple(name for name in catalogue() if name not in KEPT)
+
+
+def leaking(rig, waves_V, rate_per_s, role, lost_V):
+    """Records of a session in which a leak goes on from one to the next, and what is lost after it."""
+    keeps, records = np.exp(-rate_per_s / rig.rate_Hz), []
+    for kind, u in waves_V.items():
+        lost, _ = lfilter([1 - keeps], [1, -keeps], u, zi=[keeps * lost_V])
+        record = rig.record(u - np.concatenate([[lost_V], lost[:-1]]), f"{role}-{kind}")
+        lost_V = float(lost[-1])
+        records.append(replace(record, axes={"x": AxisRecord(u, record.axes["x"].x_um)}))
+    return records, lost_V
+
+
+@pytest.mark.parametrize("rate_per_s", [0.03, 0.1])
+def test_a_leak_of_many_times_the_typical_rate_is_named_alone(rate_per_s):
+    """Volts of eight are lost before the last records, on a stage with bends. A larger effect never loses its name; beside this one
+    stood something unknown, and more of it the larger it was."""
+    rig = Rig(3, rate_Hz=RATE_HZ, hidden={"asymmetric_hysteresis": 0.05})
+    reference = [rig.record(u, f"reference-{kind}") for kind, u in waves(rig, 2.0).items()]
+    train, lost_V = leaking(rig, waves(rig, 2.0), rate_per_s, "train", 0.0)
+    holdout, lost_V = leaking(rig, waves(rig, 2.0), rate_per_s, "holdout", lost_V)
+    assert lost_V > 1.0
+    found = run_gap(fit(reference)[0], train, holdout, reference, without=WITHOUT)
+    assert [one.name for one in found.effects] == ["charge_leakage"]
+    assert found.verdicts == ("named",)
+    _, _, (low, high) = found.effects[0].params["rate_per_s"]
+    assert low <= rate_per_s <= high
+    assert any("still had under way" in line for line in found.messages)
+
+
+@cache
+def stood_off(amount, role="train"):
+    """A run of a stage of which ``amount`` deviations had leaked before, and its residual about its mean beside the
+    leak alone."""
+    rng, t_s = np.random.default_rng(5), np.arange(4000) / RATE_HZ
+    u_V = 4 + 3 * np.sin(2 * np.pi * 1.5 * t_s) + 0.5 * np.sin(2 * np.pi * 11 * t_s)
+    run = GapRun("x", role, t_s, u_V, np.zeros(4000), None, 0, 4000, f"{role}.csv", role, {}, {})
+    model = modelled_run(BENT, run)
+    x_um = model.answer(with_stood(LEAKS, {"charge_leakage": (amount,)})) + 0.01 * rng.normal(size=4000)
+    return replace(model, run=replace(run, x_um=x_um))
+
+
+@pytest.mark.parametrize("amount", [-0.8, 0.1, 0.8])
+def test_all_that_had_stood_off_is_taken_out(amount):
+    model = stood_off(amount)
+    error = model.error(LEAKS)
+    error = error - error.mean()
+    assert np.std(error - history_um(model, LEAKS, error)) < 0.011
+    (column,) = before_record(model, LEAKS)
+    once = error - (column - column.mean()) @ np.linalg.lstsq(column - column.mean(), error, rcond=None)[0]
+    assert (np.std(once) > 0.02) == (abs(amount) > 0.5)  # in proportion it is not
+
+
+def test_a_set_is_fitted_beside_what_stood_off():
+    runs = [
+        modelled_run(BENT, replace(stood_off(0.0).run, role="reference")),
+        stood_off(0.0),
+        stood_off(0.8, "holdout"),
+    ]
+    fitted = likelihood_of(runs).fit(LEAKS)
+    assert [dict(of_run).get("charge_leakage", ()) for of_run in fitted.terms.stood[:1]] == [()]
+    (there,), (later,) = (of_run["charge_leakage"] for of_run in fitted.terms.stood[1:])
+    assert there == pytest.approx(0.0, abs=0.05)
+    assert later == pytest.approx(0.8, rel=0.1)
+    assert fitted.entries[0][1]["rate_per_s"] == pytest.approx(0.05, rel=0.1)
+
+
+def test_a_steady_voltage_is_another_place_on_the_same_stage():
+    """What stood off moves where the stage came from as well, with all its bends."""
+    model, steady = stood_off(0.0), ((LEAK, {"rate_per_s": 1e-9}),)
+    low, high = BENT.time.u_range_V
+    run, more_V = model.run, 0.5 * STOOD_OFF * (high - low)
+    start = rest_plays(BENT.time) + more_V if model.plays_V is None else model.plays_V + more_V
+    moved_um = model.answer(with_stood(steady, {"charge_leakage": (0.5,)}))
+    moved = Chain(BENT, run.t_s, run.u_V + more_V, start=start).run()
+    np.testing.assert_allclose(moved_um[1:], moved[1:], atol=1e-6)
+
+
+def test_what_is_no_voltage_stands_nowhere():
+    creep = effect("creep")
+    entries = (*LEAKS, (creep, creep.typical))
+    of = (0, 1, 1)
+    assert stood_of(entries, of, np.array([0.5, 1.0, 2.0])) == {"charge_leakage": (0.5,)}
+    assert [one.name for one, _ in with_stood(entries, {"creep": (1.0,)})] == [
+        "charge_leakage",
+        "creep",
+        "creep before",
+    ]
