@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.signal import chirp
 
-from phaselead.gap.posterior.before import as_fault
+from phaselead.gap.posterior.fault import as_fault
 from phaselead.gap.records import GapRun
 from phaselead.gap.residual import modelled_run
 from phaselead.model import AdoptedEffect, AxisModel, TimeView, effect

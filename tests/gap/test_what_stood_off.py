@@ -50,8 +50,8 @@ def leaking(rig, waves_V, rate_per_s, role, lost_V):
 
 @pytest.mark.parametrize("rate_per_s", [0.03, 0.1])
 def test_a_leak_of_many_times_the_typical_rate_is_named_alone(rate_per_s):
-    """Volts of eight are lost before the last records, on a stage with bends. A larger effect never loses its name; beside this one
-    stood something unknown, and more of it the larger it was."""
+    """Volts of eight are lost before the last records, on a stage with bends. A larger effect never loses its name;
+    beside this one stood something unknown, and more of it the larger it was."""
     rig = Rig(3, rate_Hz=RATE_HZ, hidden={"asymmetric_hysteresis": 0.05})
     reference = [rig.record(u, f"reference-{kind}") for kind, u in waves(rig, 2.0).items()]
     train, lost_V = leaking(rig, waves(rig, 2.0), rate_per_s, "train", 0.0)

@@ -1,4 +1,4 @@
-"""What comes with effects beside their own doing: what went on before a record began, and their part in the base.
+"""What effects had done before a record began.
 
 What an effect in front of the hysteresis had done before stands off as a voltage, and passes plays and bends: a little
 of it does something in proportion, and much does not. So its columns are those of a little more beside what had stood
@@ -13,14 +13,11 @@ from dataclasses import replace
 import numpy as np
 
 from phaselead.gap.error_rates import TWO_SIDED_95
-from phaselead.gap.parameters import SizedEffect, fresh_columns, is_logarithmic, to_internal
 from phaselead.gap.residual import ModelledRun
 from phaselead.identify import apart_from
-from phaselead.model import Effect, Entry, Parameter, Params, Place, Signal
+from phaselead.model import Effect, Entry, Params, Place, Signal
 from phaselead.record import Samples
 
-NEAR_RATIO, NEAR_PART = 0.3, 0.2
-"""Deviation of a shape that is near another: of its logarithm, or as a part of its range."""
 STANDING = 3
 """How often what stood off before a record is found beside itself: a budget of time."""
 SMALL_AMOUNT = 0.05
@@ -55,8 +52,10 @@ def _standing_off(effect: Effect, params: Params, amounts: tuple[float, ...]) ->
         return np.asarray(signal.value + before(since_s, params, signal.axis) @ np.array(amounts))
 
     given: Params = {**params, "amounts": amounts}
-    adder = replace(effect, name=f"{effect.name} before", parameters=(), accepts=tuple(given), fixed={}, apply=apply)
-    return replace(adder, normalise=lambda same: same), given
+    return replace(
+        effect, name=f"{effect.name} before", apply=apply,
+        parameters=(), accepts=tuple(given), fixed={}, normalise=lambda same: same,
+    ), given  # fmt: skip
 
 
 def amounts_stood(entries: Sequence[Entry], of_effects: Sequence[int], stood: Stood) -> Samples:
@@ -113,7 +112,7 @@ def history_um(
         return np.zeros(len(error))
     stood: Stood = {}
     beside = entries if beside is None else beside
-    for _ in range(STANDING):
+    for _ in range(STANDING if any(stands_off(effect) for effect, _ in slow) else 1):
         parts = before_record(modelled, slow, beside, stood)
         of_effects = [i for i, part in enumerate(parts) for _ in range(part.shape[1])]
         before = np.concatenate(parts, axis=1)
@@ -124,36 +123,3 @@ def history_um(
         amounts = np.linalg.lstsq(before, all_of_it, rcond=None)[0]
         stood = stood_of(slow, of_effects, np.clip(amounts, -TWO_SIDED_95, TWO_SIDED_95))
     return np.asarray(error - apart_from(all_of_it[:, None], before, all_of_it - before @ amounts)[:, 0])
-
-
-def as_fault(modelled: ModelledRun, entries: Sequence[SizedEffect]) -> Samples:
-    """Columns (n, parameters) in um of effects that the base may lack in all records: one deviation of each parameter,
-    as large as they are and of shapes near theirs. Each effect by itself.
-
-    What a little more of a lag does is shown at its typical size at most: behind a large one it looks like no small
-    lag, and the base can lack no more. Other effects may show nothing at such sizes."""
-    found = [np.zeros((modelled.run.stop - modelled.run.start, 0))]
-    for entry in entries:
-        shown = _typical_at_most(entry) if entry[0].is_lag else entry
-        found.append(fresh_columns(modelled.run, modelled.answer, [shown])[:, :-1] * fault_deviations(entry))
-    return np.concatenate(found, axis=1)
-
-
-def _typical_at_most(entry: SizedEffect) -> SizedEffect:
-    """The effect with no size above its typical one."""
-    effect, params = entry
-    sizes = {p.name: float(np.clip(params[p.name], -abs(p.typical), abs(p.typical))) for p in effect.sizes}
-    return effect, {**params, **sizes}
-
-
-def fault_deviations(entry: SizedEffect) -> Samples:
-    """(parameters,) in internal units, of each parameter of an effect that the base may lack."""
-    effect, params = entry
-    return np.array([_fault_deviation(p, params[p.name]) for p in effect.parameters])
-
-
-def _fault_deviation(p: Parameter, value: float) -> float:
-    """In internal units."""
-    if p.role == "size":
-        return abs(to_internal(p, value))
-    return NEAR_RATIO if is_logarithmic(p) else NEAR_PART * abs(to_internal(p, p.high) - to_internal(p, p.low))

@@ -14,17 +14,10 @@ from itertools import pairwise
 import numpy as np
 
 from phaselead.gap.parameters import SizedEffect, entries_at, internal, is_logarithmic, parameters_of
-from phaselead.gap.posterior.before import (
-    STANDING,
-    Stood,
-    amounts_stood,
-    as_fault,
-    fault_deviations,
-    stands_off,
-    stood_of,
-)
+from phaselead.gap.posterior.before import STANDING, Stood, amounts_stood, stands_off, stood_of
 from phaselead.gap.posterior.blocks import BlockedRun, Simulated
 from phaselead.gap.posterior.density import ANYWHERE_UM2, LEAST_GAIN, SETTLED, Density
+from phaselead.gap.posterior.fault import as_fault, fault_deviations
 from phaselead.gap.posterior.levels import about_their_sessions, with_levels_about_their_sessions
 from phaselead.gap.posterior.missed import (
     MOST_MISSED,
