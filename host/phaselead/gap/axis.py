@@ -165,7 +165,7 @@ def search_axis(
             *([_something_more(taken)] if selection.something_unnamed else []),
             *left.messages,
             *other.messages,
-            *_still_under_way(final),
+            *_still_under_way(final, final.gap if other.drift_um_per_s else final.without_history().gap),
         ],
         adopted=kept,
         detectable=_detectable(selection, candidates),
@@ -180,23 +180,24 @@ def _something_more(names: AbstractSet[str]) -> str:
     return f"{beside}the records show something more than chance, and no effect of the catalogue is sure to be it"
 
 
-def _still_under_way(final: FinalFit) -> list[str]:
-    """What to say where much of what is left of held-out records, each about its own mean, is what a slow effect that
-    is adopted had still under way when they began."""
+def _still_under_way(final: FinalFit, clean: GapSize) -> list[str]:
+    """What to say where held-out records, each about its own mean, are further off with a slow effect that is adopted
+    than without, or where much of what is left is what effects had still under way when they began. ``clean``: the gap
+    without that."""
     slow = [effect.name for effect, _ in final.entries if effect.slow]
-    if not slow:
-        return []
-    gap, without = final.gap, final.without_history().gap
-    if gap.after**2 - without.after**2 <= WORTH_SHARE * gap.before**2:
-        return []
-    further_off = gap.after**2 > (1 + WORTH_SHARE) * gap.before**2
-    names = " and ".join(slow)
-    further = f"held-out records are further off with {names} than without; " if further_off else ""
-    return [
-        f"{further}without what {names} still had under way when the held-out records began, "
-        f"{digits(without.after, 2)} um would be left of them, not {digits(gap.after, 2)}: nobody knows how much that "
-        "was. The odds count it, the gap does not. Let the stage stand, or drive it the same way, before each record"
-    ]
+    gap, lines = final.gap, []
+    if slow and gap.after**2 > (1 + WORTH_SHARE) * gap.before**2:
+        lines.append(
+            f"held-out records are further off with {' and '.join(slow)} than without, each about its own mean"
+        )
+    if slow and gap.after**2 - clean.after**2 > max(WORTH_SHARE * gap.before**2, clean.after**2):
+        names = " and ".join(effect.name for effect, _ in final.entries if effect.before_record is not None)
+        lines.append(
+            f"of held-out records {digits(gap.after, 2)} um rms are left, and {digits(clean.after, 2)} would be "
+            f"without what {names} still had under way when they began, which nobody knows"
+        )
+    more = "the odds count it, the gap does not. Let the stage stand, or drive it the same way, before each record"
+    return ["; ".join(lines) + ": " + more] if lines else []
 
 
 @dataclass(frozen=True)

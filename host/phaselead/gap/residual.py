@@ -113,6 +113,12 @@ def run_from_rest(axis: AxisModel, run: GapRun) -> ModelledRun:
     return _modelled_from(None, axis, run)
 
 
+def run_from_where_it_stood(axis: AxisModel, run: GapRun) -> ModelledRun:
+    """The run under the model of its axis after it had stood at its first voltage, straight from rest."""
+    assert axis.time is not None
+    return _modelled_from(Began(plays_after(axis.time, float(run.u_V[0])), ()), axis, run)
+
+
 def _modelled_from(began: Began | None, axis: AxisModel, run: GapRun) -> ModelledRun:
     return ModelledRun(run, axis, _chain(axis, run, began), began, nuisance_columns(axis, run, began))
 

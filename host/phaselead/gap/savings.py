@@ -8,7 +8,6 @@ import numpy as np
 from scipy.stats import t as t_distribution
 
 from phaselead.gap.parameters import SizedEffect
-from phaselead.gap.posterior import history_um
 from phaselead.gap.residual import ModelledRun
 from phaselead.gap.time_blocks import block_edges, wanted_rows
 from phaselead.record import Samples
@@ -19,18 +18,14 @@ def saved_by_block(
     before_with: Sequence[SizedEffect],
     after: Sequence[ModelledRun],
     after_with: Sequence[SizedEffect],
-    slow: Sequence[SizedEffect] = (),
 ) -> Samples:
     """Squares in um^2 (blocks,) that the runs under a model with some effects save of the same under another, each
-    about its own mean. Of both is taken out what the effects ``slow`` may have done before the runs, which no model can
-    know."""
+    about its own mean."""
     edges = block_edges(
         [t.run.stop - t.run.start for t in before], max(wanted_rows(t.run.step_s, t.period_rows) for t in before)
     )
     pairs = zip(before, after, edges, strict=True)
-    parts = [
-        np.add.reduceat(_squares(a, before_with, slow) - _squares(b, after_with, slow), e[:-1]) for a, b, e in pairs
-    ]
+    parts = [np.add.reduceat(_squares(a, before_with) - _squares(b, after_with), e[:-1]) for a, b, e in pairs]
     return np.concatenate(parts)
 
 
@@ -42,8 +37,7 @@ def probability_by_chance(saved: Samples) -> float:
     return float(t_distribution.sf(float(saved.mean()) / spread * np.sqrt(len(saved)), len(saved) - 1))
 
 
-def _squares(modelled: ModelledRun, entries: Sequence[SizedEffect], slow: Sequence[SizedEffect]) -> Samples:
+def _squares(modelled: ModelledRun, entries: Sequence[SizedEffect]) -> Samples:
     """Squares (n,) in um^2 of what the effects leave of a run, about its mean."""
     error = modelled.error(entries)
-    error = error - error.mean()
-    return np.asarray((error - history_um(modelled, slow, error, entries)) ** 2)
+    return np.asarray((error - error.mean()) ** 2)

@@ -19,6 +19,7 @@ from phaselead.gap.posterior import (
     Judgement,
     Likelihood,
     at_an_end,
+    goes_on_between_records,
     intervals,
     judge,
     likelihood_of,
@@ -136,19 +137,22 @@ def _estimated(contest: Contest, judgement: Judgement, open_plays: bool) -> tupl
 
 
 def _that_pay(likelihood: Likelihood, entries: Sequence[SizedEffect], claims: Sequence[Claim]) -> tuple[Claim, ...]:
-    """The claims without which the held-out records are not predicted better, in um, than with them. Where levels say
-    something, of what moves the zero these are asked too, by the odds."""
+    """The claims without which the held-out records are not predicted better, in um, than with them. By the odds of
+    what goes on between records; and of what moves the zero, where levels say something, since these are asked too."""
     kept, levelled = list(claims), any(run.levelled for run in likelihood.runs)
     held = [run.modelled for run in likelihood.runs if run.modelled.run.role == "holdout"]
     for claim in claims:
         names = {one.effect.name for one in kept}
         tried = [entry for entry in entries if entry[0].name in names]
         without = [entry for entry in tried if entry[0].name != claim.effect.name]
-        if levelled and claim.effect.moves_zero is not None:
+        if goes_on_between_records(claim.effect):
+            # What it had done before a held-out record is unknown, and integrated out of the odds.
+            worse = claim.held_out_log_odds < np.log(ERROR_RATE)
+        elif levelled and claim.effect.moves_zero is not None:
             gained = likelihood.held_out_log_density(tried) - likelihood.held_out_log_density(without)
             worse = gained < np.log(ERROR_RATE)
         else:
-            worse = probability_by_chance(saved_by_block(held, tried, held, without, tried)) < ERROR_RATE
+            worse = probability_by_chance(saved_by_block(held, tried, held, without)) < ERROR_RATE
         if worse:
             kept.remove(claim)
     return tuple(kept)

@@ -21,6 +21,7 @@ from phaselead.identify.modal import (
 )
 from phaselead.identify.operator import (
     Turns,
+    amounts_before,
     apart_from,
     effective_rows,
     fit_plays,
@@ -57,6 +58,7 @@ __all__ = [
     "Verification",
     "Verifications",
     "View",
+    "amounts_before",
     "apart_from",
     "common_period",
     "common_poles",

@@ -158,11 +158,11 @@ def _named_where(e: Effect) -> str:
     """Where `phaselead gap` does not name it, or "" where it may everywhere."""
     if e.of_base:
         return "not by `gap`: `phaselead fit` finds it, as a part of the base model"
-    if e.alone_as is not None:
-        return (
-            f"only where several axes move at once; one axis alone cannot tell it from `{e.alone_as}`, which is named"
-        )
-    return ""
+    if e.alone_as is None:
+        return ""
+    known = f"one axis alone cannot tell it from `{e.alone_as}`, which is named"
+    # What is looked for where several axes move at once acts in front of the modes that they share.
+    return f"only where several axes move at once; {known}" if e.before_modes else f"by no records yet; {known}"
 
 
 def _parameter(p: Parameter) -> str:

@@ -12,9 +12,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from phaselead.gap.error_rates import TWO_SIDED_95
 from phaselead.gap.residual import ModelledRun
-from phaselead.identify import apart_from
+from phaselead.identify import amounts_before
 from phaselead.model import Effect, Entry, Params, Place, Signal
 from phaselead.record import Samples
 
@@ -102,24 +101,40 @@ def before_record(
     return found
 
 
-def history_um(
-    modelled: ModelledRun, entries: Sequence[Entry], error: Samples, beside: Sequence[Entry] | None = None
-) -> Samples:
-    """The part (n,) of a residual about its mean of what some effects had done before a run. ``beside``: the effects
-    that it is a residual of, by default the same."""
+def history_um(modelled: ModelledRun, entries: Sequence[Entry], error: Samples) -> Samples:
+    """The part (n,) of a residual about its mean, beside some effects, of what each of these had done before a run.
+
+    What stood off as a voltage is found again beside itself, and of all that was tried counts what leaves least.
+    """
     slow = [entry for entry in entries if entry[0].before_record is not None]
     if not slow:
         return np.zeros(len(error))
+    answer = modelled.answer(entries)
     stood: Stood = {}
-    beside = entries if beside is None else beside
-    for _ in range(STANDING if any(stands_off(effect) for effect, _ in slow) else 1):
-        parts = before_record(modelled, slow, beside, stood)
+    best: Samples = np.zeros(len(error))
+    for _ in range(STANDING):
+        parts = before_record(modelled, slow, entries, stood)
         of_effects = [i for i, part in enumerate(parts) for _ in range(part.shape[1])]
         before = np.concatenate(parts, axis=1)
         before = before - before.mean(axis=0)
-        stands_um = modelled.answer(with_stood(beside, stood, slow)) - modelled.answer(beside)
         # All that had stood off is an amount of its columns, not only what differs from that beside which they are.
-        all_of_it = error - (stands_um - stands_um.mean()) + before @ amounts_stood(slow, of_effects, stood)
-        amounts = np.linalg.lstsq(before, all_of_it, rcond=None)[0]
-        stood = stood_of(slow, of_effects, np.clip(amounts, -TWO_SIDED_95, TWO_SIDED_95))
-    return np.asarray(error - apart_from(all_of_it[:, None], before, all_of_it - before @ amounts)[:, 0])
+        all_of_it = (
+            error - _stands_um(modelled, entries, stood, answer) + before @ amounts_stood(slow, of_effects, stood)
+        )
+        left = all_of_it - before @ np.linalg.lstsq(before, all_of_it, rcond=None)[0]
+        amounts = amounts_before(before, all_of_it, left)
+        stood = stood_of(slow, of_effects, amounts)
+        no_voltage = amounts - amounts_stood(slow, of_effects, stood)
+        found = _stands_um(modelled, entries, stood, answer) + before @ no_voltage
+        if np.var(error - found) >= np.var(error - best):
+            break
+        best = found
+    return best
+
+
+def _stands_um(modelled: ModelledRun, entries: Sequence[Entry], stood: Stood, answer: Samples) -> Samples:
+    """What (n,) stood off adds to an answer, about its mean."""
+    if not any(map(any, stood.values())):
+        return np.zeros(len(answer))
+    added = modelled.answer(with_stood(entries, stood)) - answer
+    return np.asarray(added - added.mean())

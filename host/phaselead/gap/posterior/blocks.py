@@ -217,7 +217,9 @@ class BlockedRun:
             return self.modelled.answer(with_stood(some, stood))
 
         answer, e, p = answer_of(entries), len(entries), len(parameters_of(entries))
-        added = [answer - answer_of([*entries[:i], *entries[i + 1 :]]) for i in range(e)]
+        # What had stood off is no part of what an effect adds: as an amount it is known apart.
+        others = [with_stood([*entries[:i], *entries[i + 1 :]], stood, entries) for i in range(e)]
+        added = [answer - self.modelled.answer(some) for some in others]
         fresh = fresh_columns(self.modelled.run, answer_of, entries)
         before = before_record(self.modelled, entries, entries, stood)
         of = tuple(i for i, part in enumerate(before) for _ in range(part.shape[1]))

@@ -254,7 +254,7 @@ class Likelihood(Density):
             stood = [stood_of(terms.entries, mine, one[: len(mine)]) for mine, one in zip(of, amounts, strict=True)]
             moved = [amounts_stood(terms.entries, mine, now) - amounts_stood(terms.entries, mine, then)
                      for mine, now, then in zip(of, stood, terms.stood, strict=True)]  # fmt: skip
-            if np.abs(np.concatenate(moved)).max() < SETTLED:
+            if np.abs(np.concatenate(moved)).max(initial=0.0) < SETTLED:
                 break
             terms = self.terms(terms.entries, terms.moments.moving, stood)
             best, share = self.likeliest_share(terms, share)

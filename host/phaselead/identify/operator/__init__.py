@@ -5,7 +5,7 @@ from __future__ import annotations
 from phaselead.identify.operator.creep import Creep
 from phaselead.identify.operator.fitting import fit_linear, fit_operator, place_operator
 from phaselead.identify.operator.regressors import Turns, play_thresholds
-from phaselead.identify.operator.result import OperatorFit, apart_from, effective_rows
+from phaselead.identify.operator.result import OperatorFit, amounts_before, apart_from, effective_rows
 from phaselead.identify.operator.solution import PART_PAYS
 from phaselead.identify.operator.starting_memories import starting_memory, way_before
 from phaselead.identify.operator.symmetric_plays import fit_plays
@@ -16,6 +16,7 @@ __all__ = [
     "Creep",
     "OperatorFit",
     "Turns",
+    "amounts_before",
     "apart_from",
     "apart_from_before",
     "creep_beside",

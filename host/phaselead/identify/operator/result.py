@@ -186,8 +186,14 @@ def apart_from(columns: Samples, before: Samples, left: Samples) -> Samples:
     (rows,), the residual whose independent rows say how surely the amounts are told.
     """
     columns, before = columns - columns.mean(axis=0), before - before.mean(axis=0)
+    return np.asarray(columns - before @ amounts_before(before, columns, left))
+
+
+def amounts_before(before: Samples, columns: Samples, left: Samples) -> Samples:
+    """How much (m,) or (m, k) of the columns ``before`` goes with columns (rows,) or (rows, k), all about their means:
+    the ridge of ``apart_from``."""
     told = before.T @ before + float(np.var(left)) * len(left) / effective_rows(left) * np.eye(before.shape[1])
-    return np.asarray(columns - before @ np.linalg.solve(told, before.T @ columns))
+    return np.asarray(np.linalg.solve(told, before.T @ columns))
 
 
 def standard_errors(fits: list[FitRun], solution: Solution, residuals: list[Samples]) -> dict[str, tuple[float, ...]]:
