@@ -15,9 +15,9 @@ from rig import Rig
 from scipy.signal import lfilter
 from test_gap_laws import waves
 
-from phaselead.gap.goodness_of_fit import _from_its_memory
 from phaselead.gap.posterior import history_um, likelihood_of
-from phaselead.gap.posterior.before import before_record, stood_of, with_stood
+from phaselead.gap.posterior.before import before_record, from_its_memory, stood_of, with_stood
+from phaselead.gap.posterior.search import _begun_beside_each
 from phaselead.gap.posterior.verdict import Claim
 from phaselead.gap.records import GapRun
 from phaselead.gap.residual import modelled_run, run_from_where_it_stood
@@ -37,6 +37,13 @@ BENT = AxisModel(
     time=TimeView(
         gain_um_per_V=10.0, u_range_V=(0.0, 8.0), rate_Hz=RATE_HZ, play_r_V=(0.3, 1.0), play_w_um_per_V=(0.5, 1.0),
         deadzone_d_V=(1.0, 3.0, 5.0), deadzone_s_um_per_V=(1.0, 1.0, 1.0),
+    )
+)  # fmt: skip
+LOOPS = AxisModel(
+    time=TimeView(
+        gain_um_per_V=8.0, u_range_V=(-6.0, 6.0), rate_Hz=250.0,
+        deadzone_d_V=(-2.0, 2.0), deadzone_s_um_per_V=(0.3, 0.3),
+        play_r_V=(0.3, 1.0, 2.0, 3.5), play_w_um_per_V=(0.8, 0.6, 0.4, 0.3),
     )
 )  # fmt: skip
 KEPT = ("charge_leakage", "creep", "thermal_drift", "asymmetric_hysteresis", "saturation", "sensor_nonlinearity")
@@ -115,9 +122,55 @@ def test_where_a_record_began_is_found_together_with_what_had_stood_off(began_V,
     run = GapRun("x", "holdout", t_s, u_V, np.zeros(4000), None, 0, 4000, "a.csv", "a", {}, {})
     truth = run_from_where_it_stood(BENT, run)
     x_um = truth.answer(with_stood(LEAKS, {"charge_leakage": (amount,)})) + 0.01 * rng.normal(size=4000)
-    found = _from_its_memory(modelled_run(BENT, replace(run, x_um=x_um)), LEAKS)
+    found = from_its_memory(modelled_run(BENT, replace(run, x_um=x_um)), LEAKS)
     error = found.error(LEAKS) - found.error(LEAKS).mean()
     assert np.std(error - history_um(found, LEAKS, error)) < 0.02
+
+
+@cache
+def elsewhere():
+    """A likelihood of records cut out of one session each, without a leak and with one: where each began depends on all
+    that went before, and on what had leaked by then."""
+    rng, step_s, runs = np.random.default_rng(8), 1 / 250, []
+    t_s = np.arange(1000) * step_s
+    fading = 5 * np.linspace(1, 0, 1000) * np.sin(2 * np.pi * 0.75 * t_s)
+    waves_V = [fading, 4 * np.sin(2 * np.pi * 1.25 * t_s), np.repeat([-3.0, 3.0, -2.0, 4.0], 250), 0.6 * fading]
+    u_V = np.concatenate([np.concatenate([wave, np.zeros(250)]) for wave in waves_V])
+    long_s = np.arange(len(u_V)) * step_s
+    for acting, roles in (((), ("reference",) * 4), (LEAKS, ("train", "train", "holdout", "holdout"))):
+        x_um = Chain(LOOPS, long_s, u_V).run(acting) + 0.005 * rng.normal(size=len(u_V))
+        for i, role in enumerate(roles):
+            rows = slice(1250 * i, 1250 * i + 1000)
+            run = GapRun("x", role, t_s, u_V[rows], x_um[rows], None, 0, 1000, f"{i}.csv", f"{role}{i}", {}, {})
+            runs.append(modelled_run(LOOPS, run))
+    return likelihood_of(runs)
+
+
+def test_a_set_acts_in_records_that_begin_as_suits_them_beside_it():
+    """Where a record began is told by what the base leaves, of which much is the leak's: it was found beside the base
+    alone, and a leak of many times the typical rate was said to be there at a hundredth of its size at most."""
+    plain = elsewhere()
+    beside = plain.begun_beside(LEAKS[0])
+    changed = [one.begun is not None for one in beside.runs_of(LEAKS)]
+    assert any(changed)
+    assert not any(changed[:4])  # nothing acts in a reference record
+    assert beside.runs_of(()) == plain.runs  # and other sets begin where they did
+    before, after = plain.fit(LEAKS), beside.fit(LEAKS)
+    assert after.log_evidence > before.log_evidence + 10
+    assert after.entries[0][1]["rate_per_s"] == pytest.approx(0.05, rel=0.1)
+    np.testing.assert_array_equal(plain.counted, beside.counted)  # judged on the same data
+    assert plain.fit(()).log_evidence == beside.fit(()).log_evidence
+    assert len(beside.without_held_out().runs_of(LEAKS)) == len(plain.runs) - 2
+
+
+def test_the_size_of_a_leak_is_looked_for_together_with_where_records_began():
+    """A fit near another size may stay there, in records that begin as suits that one."""
+    plain = elsewhere()
+    alone = plain.fit([(LEAK, {"rate_per_s": 0.004})])
+    found, (best,) = _begun_beside_each(plain, plain.fit(()), [alone])
+    assert best.log_evidence >= plain.begun_beside(LEAKS[0]).fit(LEAKS).log_evidence - 1
+    assert best.entries[0][1]["rate_per_s"] == pytest.approx(0.05, rel=0.1)
+    assert found.runs_of(LEAKS) != plain.runs
 
 
 @pytest.mark.parametrize("other", ["gain_change", "sensor_nonlinearity", "backlash"])

@@ -194,9 +194,12 @@ def _still_under_way(final: FinalFit, clean: GapSize) -> list[str]:
         names = " and ".join(effect.name for effect, _ in final.entries if effect.before_record is not None)
         lines.append(
             f"of held-out records {digits(gap.after, 2)} um rms are left, and {digits(clean.after, 2)} would be "
-            f"without what {names} still had under way when they began, which nobody knows"
+            f"without what {names} still had under way when they began"
         )
-    more = "the odds count it, the gap does not. Let the stage stand, or drive it the same way, before each record"
+    more = (
+        "the odds count it, the gap does not. Let the stage stand for some of its time constants, or drive it the same "
+        "way, before each record"
+    )
     return ["; ".join(lines) + ": " + more] if lines else []
 
 

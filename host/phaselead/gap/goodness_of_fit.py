@@ -15,7 +15,7 @@ from phaselead.gap.error_rates import TWO_SIDED_95
 from phaselead.gap.findings import GapSize, Trace
 from phaselead.gap.floor import Floor
 from phaselead.gap.parameters import SizedEffect
-from phaselead.gap.posterior import LEAST_OF_MATERIAL, MOST_MISSED, before_record, history_um, stands_off
+from phaselead.gap.posterior import LEAST_OF_MATERIAL, MOST_MISSED, before_record, from_its_memory, history_um
 from phaselead.gap.records import GapRun, Role
 from phaselead.gap.residual import (
     ModelledRun,
@@ -23,8 +23,6 @@ from phaselead.gap.residual import (
     base_entries,
     modelled_run,
     power_um2,
-    run_from_rest,
-    run_from_where_it_stood,
 )
 from phaselead.gap.ringing import without_ringing
 from phaselead.gap.selection import Selection
@@ -203,24 +201,9 @@ def final_fit(selection: Selection, runs: Sequence[GapRun], floor: Floor) -> Fin
         after = with_refitted_operator([modelled_run(selection.base, run) for run in runs], selection.entries)
     if selection.entries:
         changed = [() if run.role == "reference" else selection.entries for run in runs]
-        after = [_from_its_memory(t, beside) for t, beside in zip(after, changed, strict=True)]
+        after = [from_its_memory(t, beside) for t, beside in zip(after, changed, strict=True)]
     final = FinalFit(after[0].axis, selection.entries, before, tuple(after), GapSize(0.0, 0.0, 0.0), floor.rms_um)
     return replace(final, gap=_gap(final))
-
-
-def _from_its_memory(modelled: ModelledRun, entries: Sequence[SizedEffect]) -> ModelledRun:
-    """The run from the memory that suits it best beside some effects. Beside what these had done before it, where that
-    is a voltage: then a step from rest, and how it stood, are other memories than they seem without."""
-    axis, run = modelled.axis, modelled.run
-    found = modelled_run(axis, run, entries)
-    if not any(stands_off(effect) for effect, _ in entries):
-        return found
-
-    def left(one: ModelledRun) -> float:
-        error = _about_mean(one.error(entries))
-        return float(np.var(error - history_um(one, entries, error)))
-
-    return min(found, modelled, run_from_rest(axis, run), run_from_where_it_stood(axis, run), key=left)
 
 
 def _gap(final: FinalFit) -> GapSize:

@@ -107,11 +107,11 @@ def _estimated(contest: Contest, judgement: Judgement, open_plays: bool) -> tupl
     """
     claims = judgement.claims
     everything, learned = contest.likelihood, contest.likelihood.without_held_out()
-    train = [run for run in everything.runs if run.modelled.run.role == "train"]
-    levelled = [run.levelled for run in train]
 
     def best_of(fit: Fit) -> tuple[SizedEffect, ...]:
-        return best_predicting(fit.entries, fit.covariance, [run.modelled for run in train], levelled)
+        train = [run for run in everything.runs_of(fit.entries) if run.modelled.run.role == "train"]
+        levelled = [run.levelled for run in train]
+        return best_predicting(fit.entries, fit.covariance, [run.simulates for run in train], levelled)
 
     while claims:
         entries = tuple(

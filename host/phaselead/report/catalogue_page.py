@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import re
 import sys
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
 
 from phaselead.drawing import to_svg
@@ -34,9 +34,9 @@ HEAD = """# The effects
 
 <!-- Written by python -m phaselead.report.catalogue_page; edit the effect's file in host/phaselead/model/effects/. -->
 
-What `phaselead gap` can name. Each is one file in `host/phaselead/model/effects/`, found by its presence: [a new effect
-is a new file](adding-an-effect.md). They act in this order, whatever order a stage file lists them in; arrays are volts
-up to the amplifier and micrometres from the piezo on:
+What `phaselead gap` can name, but for what an entry says. Each is one file in `host/phaselead/model/effects/`, found
+by its presence: [a new effect is a new file](adding-an-effect.md). They act in this order, whatever order a stage file
+lists them in; arrays are volts up to the amplifier and micrometres from the piezo on:
 
     {chain}
 
@@ -113,7 +113,7 @@ def _markdown(effects: Mapping[str, Effect]) -> str:
     in_order = sorted(effects.values(), key=lambda e: (e.place, e.order))
     words = [_chain_word(place, in_order) for place in Place]
     head = HEAD.format(chain="\n      -> ".join(words), rows="\n".join(map(_row, effects.values())))
-    return head + "".join(_section(e) for e in effects.values())
+    return head + "".join(_section(e, effects.values()) for e in effects.values())
 
 
 def _chain_word(place: Place, in_order: list[Effect]) -> str:
@@ -131,7 +131,7 @@ def _predicted(e: Effect) -> str:
     return {"response": "yes", "calibration": "constant", "disturbance": "no"}[e.kind]
 
 
-def _section(e: Effect) -> str:
+def _section(e: Effect, others: Collection[Effect]) -> str:
     caption = CAPTIONS[e.picture.view]
     names = " and ".join(f"`{name}`" for name in e.accepts)
     return SECTION.format(
@@ -149,15 +149,17 @@ def _section(e: Effect) -> str:
         shows=e.shows,
         reveals=e.reveals,
         confused=", ".join(f"`{name}`" for name in e.confused_with),
-        named=f"\n**Named**: {where}.\n" if (where := _named_where(e)) else "",
+        named=f"\n**Named**: {where}.\n" if (where := _named_where(e, others)) else "",
         compensation=e.compensation,
     )
 
 
-def _named_where(e: Effect) -> str:
-    """Where `phaselead gap` does not name it, or "" where it may everywhere."""
+def _named_where(e: Effect, others: Collection[Effect]) -> str:
+    """Where `phaselead gap` does not name it, and what else its name may stand for; "" without either."""
     if e.of_base:
         return "not by `gap`: `phaselead fit` finds it, as a part of the base model"
+    if stands_for := " and ".join(f"`{one.name}`" for one in others if one.alone_as == e.name):
+        return f"on one axis it stands for {stands_for} too, which one axis cannot tell from it"
     if e.alone_as is None:
         return ""
     known = f"one axis alone cannot tell it from `{e.alone_as}`, which is named"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from phaselead.gap.posterior.absent import largest_sizes
-from phaselead.gap.posterior.before import before_record, history_um, stands_off
+from phaselead.gap.posterior.before import before_record, from_its_memory, history_um
 from phaselead.gap.posterior.blocks import levels_say
 from phaselead.gap.posterior.detectable import MOST_STATED
 from phaselead.gap.posterior.forecast import Forecast
@@ -33,6 +33,7 @@ __all__ = [
     "at_an_end",
     "before_record",
     "confused",
+    "from_its_memory",
     "goes_on_between_records",
     "history_um",
     "intervals",
@@ -45,5 +46,4 @@ __all__ = [
     "posteriors",
     "search_sets",
     "shows_itself",
-    "stands_off",
 ]

@@ -12,7 +12,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from phaselead.gap.residual import ModelledRun
+from phaselead.gap.parameters import SizedEffect
+from phaselead.gap.residual import ModelledRun, modelled_run, run_from_rest, run_from_where_it_stood
 from phaselead.identify import amounts_before
 from phaselead.model import Effect, Entry, Params, Place, Signal
 from phaselead.record import Samples
@@ -130,6 +131,24 @@ def history_um(modelled: ModelledRun, entries: Sequence[Entry], error: Samples) 
             break
         best = found
     return best
+
+
+def from_its_memory(modelled: ModelledRun, entries: Sequence[SizedEffect]) -> ModelledRun:
+    """The run from the memory that suits it best beside some effects. Beside what these had done before it, where that
+    is a voltage: then a step from rest, and how it stood, are other memories than they seem without."""
+    axis, run = modelled.axis, modelled.run
+    found = modelled_run(axis, run, entries)
+    if not any(stands_off(effect) for effect, _ in entries):
+        return found
+    others = (modelled, run_from_rest(axis, run), run_from_where_it_stood(axis, run))
+    return min(found, *others, key=lambda one: left_um2(one, entries))
+
+
+def left_um2(modelled: ModelledRun, entries: Sequence[Entry]) -> float:
+    """Variance of what effects leave of a run, but for what they had done before it."""
+    error = modelled.error(entries)
+    error = error - error.mean()
+    return float(np.var(error - history_um(modelled, entries, error)))
 
 
 def _stands_um(modelled: ModelledRun, entries: Sequence[Entry], stood: Stood, answer: Samples) -> Samples:
