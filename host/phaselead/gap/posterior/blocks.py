@@ -95,8 +95,9 @@ class BlockedRun:
         if not self.changed:
             return self
         found = from_its_memory(self.modelled, entries)
-        better = left_um2(found, entries) < CLEARLY_LESS * left_um2(self.modelled, entries)
-        return replace(self, begun=found if better else None, _known={})
+        if left_um2(found, entries) >= CLEARLY_LESS * left_um2(self.modelled, entries):
+            return self
+        return replace(self, begun=found, _known={})
 
     @property
     def skipped(self) -> int:

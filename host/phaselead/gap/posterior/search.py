@@ -133,18 +133,15 @@ def _begun_beside_each(likelihood: Likelihood, nothing: Fit, alone: Sequence[Fit
             continue
         usual = [{p.name: times * p.typical for p in effect.sizes} for times in SIZES]
         tried = [_begun_beside(likelihood, (effect, {**params, **sizes})) for sizes in ({}, *usual)]
-        likelihood, found[i] = max(tried, key=lambda pair: pair[1].log_evidence)
+        likelihood, best = max(tried, key=lambda pair: pair[1].log_evidence)
+        likelihood, found[i] = _begun_beside(likelihood, best.entries[0])  # by what it came to
     return likelihood, found
 
 
 def _begun_beside(likelihood: Likelihood, entry: SizedEffect) -> tuple[Likelihood, Fit]:
-    """The likelihood of records that begin as suits them beside an effect near this one, and the effect fitted then.
-    One leads to the other: twice."""
-    fit = likelihood.fit([entry])
-    for _ in range(2):
-        likelihood = likelihood.begun_beside(fit.entries[0])
-        fit = likelihood.fit(fit.entries)
-    return likelihood, fit
+    """The likelihood of records that begin as suits them beside an effect near this one, and the effect fitted then."""
+    likelihood = likelihood.begun_beside(likelihood.fit([entry]).entries[0])
+    return likelihood, likelihood.fit([entry])
 
 
 def _better(contest: Contest, fits: Sequence[Fit], than: float) -> list[Fit]:
