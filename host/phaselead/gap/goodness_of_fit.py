@@ -17,13 +17,7 @@ from phaselead.gap.floor import Floor
 from phaselead.gap.parameters import SizedEffect
 from phaselead.gap.posterior import LEAST_OF_MATERIAL, MOST_MISSED, before_record, from_its_memory, history_um
 from phaselead.gap.records import GapRun, Role
-from phaselead.gap.residual import (
-    ModelledRun,
-    RunResidual,
-    base_entries,
-    modelled_run,
-    power_um2,
-)
+from phaselead.gap.residual import ModelledRun, RunResidual, base_entries, modelled_run, power_um2
 from phaselead.gap.ringing import without_ringing
 from phaselead.gap.selection import Selection
 from phaselead.gap.unexplained import Unexplained

@@ -137,8 +137,9 @@ def _estimated(contest: Contest, judgement: Judgement, open_plays: bool) -> tupl
 
 
 def _that_pay(likelihood: Likelihood, entries: Sequence[SizedEffect], claims: Sequence[Claim]) -> tuple[Claim, ...]:
-    """The claims without which the held-out records are not predicted better, in um, than with them. By the odds of
-    what goes on between records; and of what moves the zero, where levels say something, since these are asked too."""
+    """The claims without which the held-out records are not predicted better than with them. Better is less in um; for
+    what goes on between records it is the odds, and for what moves the zero, where levels say something, the odds with
+    these."""
     kept, levelled = list(claims), any(run.levelled for run in likelihood.runs)
     held = [run.modelled for run in likelihood.runs if run.modelled.run.role == "holdout"]
     for claim in claims:

@@ -34,9 +34,10 @@ HEAD = """# The effects
 
 <!-- Written by python -m phaselead.report.catalogue_page; edit the effect's file in host/phaselead/model/effects/. -->
 
-What `phaselead gap` can name, but for what an entry says. Each is one file in `host/phaselead/model/effects/`, found
-by its presence: [a new effect is a new file](adding-an-effect.md). They act in this order, whatever order a stage file
-lists them in; arrays are volts up to the amplifier and micrometres from the piezo on:
+What `phaselead gap` looks for; an entry says so where its name is not given. Each is one file in
+`host/phaselead/model/effects/`, found by its presence: [a new effect is a new file](adding-an-effect.md). They act in
+this order, whatever order a stage file lists them in; arrays are volts up to the amplifier and micrometres from the
+piezo on:
 
     {chain}
 

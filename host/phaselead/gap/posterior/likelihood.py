@@ -19,12 +19,7 @@ from phaselead.gap.posterior.blocks import BlockedRun, Simulated
 from phaselead.gap.posterior.density import ANYWHERE_UM2, LEAST_GAIN, SETTLED, Density
 from phaselead.gap.posterior.fault import as_fault, fault_deviations
 from phaselead.gap.posterior.levels import about_their_sessions, with_levels_about_their_sessions
-from phaselead.gap.posterior.missed import (
-    MOST_MISSED,
-    is_of_material,
-    log_prior_of_share,
-    shares_of,
-)
+from phaselead.gap.posterior.missed import MOST_MISSED, is_of_material, log_prior_of_share, shares_of
 from phaselead.gap.posterior.moments import Moments, SharedProducts
 from phaselead.gap.posterior.priors import Prior, prior_of
 from phaselead.gap.posterior.sets import Fit, Terms, confused
@@ -56,7 +51,6 @@ class Likelihood(Density):
     """What makes these columns, in this order, for any run."""
     known: tuple[SizedEffect, ...] = ()
     """Effects that explain much, by themselves or beside others: what may be taken for one another."""
-
     begun: Mapping[str, tuple[BlockedRun, ...]] = field(default_factory=dict)
     """By effect that stands off as a voltage, the runs from the memories that suit them beside it."""
 
