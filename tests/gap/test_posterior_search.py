@@ -134,3 +134,25 @@ def test_a_winner_that_was_far_behind_meets_its_rivals(rival):
     contest = search._last_contest(last, pool, 10)
     assert ((rival,) in contest.fits) == (rival == "sensor_lowpass")  # nobody takes a delay for a change of gain
     assert max(contest.fits, key=contest.log_posterior) == ("delay",)
+
+
+def test_the_winner_less_one_effect_is_fitted_from_where_the_winner_stands_too():
+    """A leak alone stayed at half its rate, where it had grown, and a bend of the sensor beside it took the rest."""
+    slow, quick, bend = (
+        entry("charge_leakage", rate_per_s=0.02),
+        entry("charge_leakage", rate_per_s=0.05),
+        entry("creep"),
+    )
+    leak = slow[0].name
+
+    class Stuck(Weighed):
+        def fit(self, entries):
+            found = super().fit(entries)
+            found.log_evidence += 10.0 * any(params.get("rate_per_s") == 0.05 for _, params in entries)
+            return found
+
+    table = Stuck({f"{leak} creep": 100.0, leak: 90.0})
+    pool = {one.names: one for one in map(table.fit, [(), (slow,), (quick, bend), (bend,)])}
+    contest = search._last_contest(table, pool, 10)
+    assert contest.fits[(leak,)].entries == (quick,)
+    assert contest.fits[(leak,)].log_evidence == 100.0

@@ -1,7 +1,6 @@
-"""Regressors: what each effect, and each thing that may be wrong with the base, would add to the position.
+"""Regressors: what each effect would add to the position.
 
-An effect is simulated at a few shapes; each shape is a group of columns, one per size parameter. The columns of the
-base model say what refitting it could absorb.
+An effect is simulated at a few shapes; each shape is a group of columns, one per size parameter.
 """
 
 from __future__ import annotations
@@ -14,7 +13,7 @@ import numpy as np
 
 from phaselead.gap.residual import ModelledRun
 from phaselead.identify import play_thresholds
-from phaselead.model import AxisModel, Effect, Parameter, Params, Place, Signal, plays
+from phaselead.model import AxisModel, Effect, Parameter, plays
 from phaselead.record import Samples
 
 GRID_POINTS = 5
@@ -24,14 +23,8 @@ MODE_GRID_RATIO, MODE_GRID_ZETA = 1.16, 0.08
 LONGEST_TIME, SHORTEST_TIME = 30.0, 0.5
 """A time constant is looked for up to this many lengths of the longest record, and from this part of a row on: a slower
 one is a straight line, a faster one none."""
-BASE_PLAYS, BASE_SEGMENTS = 10, 8
-"""How finely a refit of the base's operator is described."""
 RICH_PLAYS, RICH_SEGMENTS, RICH_STD = 24, 12, 0.1
 """An operator richer than any base, and the prior deviation of its weights, as a share of the mean slope."""
-GAIN_STD, PLAY_STD = 0.05, 0.02
-"""How far gain and plays of a fitted base can be off where no reference record says better, of its mean slope."""
-OPEN_STD = 0.3
-"""The same of plays that are fitted anew with every effect."""
 
 
 @dataclass(frozen=True)
@@ -101,49 +94,6 @@ def _grid(p: Parameter, effect: Effect, step_s: float, longest_s: float) -> list
 def _ordered(effect: Effect, shapes: Mapping[str, float]) -> bool:
     """Whether the shapes that must rise do so."""
     return all(shapes[first] < shapes[last] for first, last in pairwise(effect.rising))
-
-
-def base_columns(modelled: ModelledRun, open_plays: bool) -> Samples:
-    """Columns (n, k) in um: one prior deviation of each thing that a refit of the base could change, as it looks behind
-    the base's own effects. A base without plays has no plays to refit, one without dead zones no dead zones.
-
-    ``open_plays``: they were fitted to the training records themselves, and move with every effect that is added.
-    """
-    view = modelled.axis.time
-    assert view is not None
-    signal = modelled.chain.signal_at(Place.AMPLIFIER)
-    v = view.field.of(signal.value)
-    slope = mean_slope(modelled.axis)
-    low, high = map(view.field.at, view.u_range_V)
-    columns = [GAIN_STD * slope * v]
-    if view.play_r_V:
-        r = play_thresholds(high - low, BASE_PLAYS)
-        start = view.rest_fraction * r if modelled.plays_V is None else np.interp(r, view.play_r_V, modelled.plays_V)
-        moved, _ = plays(v, r, np.clip(start + v[0] - view.field.at(signal.u_V[0]), v[0] - r, v[0] + r))
-        columns += list(((OPEN_STD if open_plays else PLAY_STD) * slope * view.density.read(moved)).T)
-    if view.deadzone_d_V:
-        knots = np.linspace(low, high, BASE_SEGMENTS + 2)[1:-1]
-        columns += list(PLAY_STD * slope * np.maximum(v[:, None] - knots, 0.0).T)
-    return through_effects(modelled, np.stack(columns, axis=1))[1:][modelled.run.rows]
-
-
-def through_effects(modelled: ModelledRun, columns: Samples) -> Samples:
-    """What changes (n + 1, k) of the operator's output, in um, become behind creep, mechanics and sensor."""
-    signal = modelled.chain.signal_at(Place.HYSTERESIS)
-    behind = [(e, params) for e, params in signal.active if e.place > Place.HYSTERESIS]
-    if not behind:
-        return columns
-    values = np.column_stack([signal.value, signal.value[:, None] + columns])
-    for e, params in behind:
-        values = _all_through(e, params, signal, values)
-    return np.asarray(values[:, 1:] - values[:, :1])
-
-
-def _all_through(e: Effect, params: Params, signal: Signal, values: Samples) -> Samples:
-    """One effect applied to each column of ``values`` (n, k) in place of the signal's own."""
-    if e.at_once is not None and e.at_once(params):
-        return e.apply(signal.carrying(values, signal.drive_V), params)
-    return np.stack([e.apply(signal.carrying(value, signal.drive_V), params) for value in values.T.copy()], axis=1)
 
 
 def rich_columns(modelled: ModelledRun) -> Samples:

@@ -18,7 +18,14 @@ from phaselead.gap.findings import PROVISIONAL, Cell, GapSize
 from phaselead.gap.locate import axis_cells
 from phaselead.gap.records import GapRun, axis_runs
 from phaselead.gap.result import GapResult
-from phaselead.gap.scale import beside_model, exchange_doubts, refuse_moved_at_rest, refuse_unlike_model, scale_doubts
+from phaselead.gap.scale import (
+    beside_model,
+    exchange_doubts,
+    range_doubts,
+    refuse_moved_at_rest,
+    refuse_unlike_model,
+    scale_doubts,
+)
 from phaselead.gap.search import Progress
 from phaselead.gap.several_axes import search_together
 from phaselead.gap.verify_on import verify_on
@@ -58,6 +65,7 @@ def run_gap(
         *glitch_doubts([*train, *holdout, *reference]),
         *scale_doubts(driven),
         *exchange_doubts(stage, driven),
+        *range_doubts(stage, driven),
         *_provisional_doubts(stage, list(runs)),
     )
     base_frozen = frozen if frozen is not None else bool(reference)

@@ -24,6 +24,9 @@ the reference records by no more."""
 MOST_AT_REST = 0.2
 """Share of its travel by which a stage may move at rest, about a straight line: creep after a step over all of it is 10
 to 15 % (Jung and Gweon 2000), and surroundings shake none as far."""
+FAR_BEYOND = 0.05
+"""Share of the range by which a voltage may leave it. A slope that changes by a fifth over the range, as ceramics have,
+comes to 0.025 % of the travel there, which is what good fits leave."""
 Moved = tuple[GapRun, Samples, Samples]
 """A record, what the model says of it from the memory that suits it best, and its position, (n,) in um over the scored
 rows."""
@@ -77,6 +80,28 @@ def exchange_doubts(stage: Stage, driven: Compared) -> tuple[str, ...]:
     What the fit left counts since references that are quick leave more than others that are slow, exchanged or not.
     """
     return tuple(line for axis, of_axis in driven.items() for line in _exchanged(axis, stage.axes[axis], of_axis))
+
+
+def range_doubts(stage: Stage, driven: Compared) -> tuple[str, ...]:
+    """One line for each axis with records that go beyond the voltages that its model was fitted to: what it says there
+    is a guess."""
+    return tuple(line for axis, of_axis in driven.items() for line in _beyond_fit(axis, stage.axes[axis], of_axis))
+
+
+def _beyond_fit(axis: str, model: AxisModel, driven: Sequence[Moved]) -> list[str]:
+    assert model.time is not None
+    low, high = model.time.u_range_V
+    within = FAR_BEYOND * (high - low)
+    spans = [(run, float(run.u_V.min()), float(run.u_V.max())) for run, _, _ in driven]
+    far = [one for one in spans if one[1] < low - within or one[2] > high + within]
+    if not far:
+        return []
+    (run, least_V, most_V), *more = far
+    return [
+        f"{run.source}: axis {axis} is driven from {digits(least_V, 3)} to {digits(most_V, 3)} V, and the model was "
+        f"fitted from {digits(low, 3)} to {digits(high, 3)} V{more_like_it(len(more))}: beyond that it is a guess; fit "
+        "it to records that go as far"
+    ]
 
 
 def _exchanged(axis: str, model: AxisModel, driven: Sequence[Moved]) -> list[str]:

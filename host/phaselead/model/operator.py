@@ -128,9 +128,12 @@ def rest_plays(view: TimeView) -> Samples:
     return view.rest_fraction * doubles(view.play_r_V)
 
 
-def plays_after(view: TimeView, *turned_V: float) -> Samples:
-    """Positions of the plays (m,) in V of a stage that went from rest to each of these voltages in turn."""
-    r, at_V = doubles(view.play_r_V), rest_plays(view)
+def plays_after(view: TimeView, *turned_V: float, r_V: ArrayLike | None = None) -> Samples:
+    """Positions of the plays (m,) in V of a stage that went from rest to each of these voltages in turn.
+
+    ``r_V``: thresholds (m,) of other plays than the model's, which rest alike."""
+    r = doubles(view.play_r_V if r_V is None else r_V)
+    at_V = view.rest_fraction * r
     for v in map(view.field.at, turned_V):
         at_V = np.clip(at_V, v - r, v + r)
     return at_V

@@ -59,6 +59,8 @@ class Simulated:
     """(entries,) first coefficient of the same, the level if that is one."""
     of_effects: tuple[int, ...]
     """(b,) The entry that had done each of the b things before."""
+    moved_before: Samples
+    """(blocks,) mean power of how what had stood off as a voltage moves the stage, spread."""
 
     @property
     def before(self) -> Samples:
@@ -231,7 +233,8 @@ class BlockedRun:
 
     def _simulated(self, entries: tuple[SizedEffect, ...], stood: Stood) -> Simulated:
         if not self.changed:
-            return Simulated(self.base_error, 0, np.zeros((len(entries), len(self.sizes))), np.zeros(len(entries)), ())
+            none = np.zeros(len(self.sizes))
+            return Simulated(self.base_error, 0, np.tile(none, (len(entries), 1)), np.zeros(len(entries)), (), none)
 
         def answer_of(some: Sequence[SizedEffect]) -> Samples:
             return self.simulates.answer(with_stood(some, stood))
@@ -248,7 +251,8 @@ class BlockedRun:
         each = [np.array(added).reshape(e, len(answer)), fresh.T[:-1], *(one.T for one in before), fresh.T[-1:] + there]
         columns = self.coefficients(np.concatenate(each).T)
         squares = np.add.reduceat(columns[:, :e] ** 2, self.edges[:-1], axis=0).T
-        return Simulated(columns[:, e:].copy(order="K"), p, squares / self.sizes, columns[0, :e].copy(), of)
+        moved = self.spread(self.power(answer - self.simulates.answer(entries))) if stood else np.zeros(len(self.sizes))
+        return Simulated(columns[:, e:].copy(order="K"), p, squares / self.sizes, columns[0, :e].copy(), of, moved)
 
     def power(self, column: Samples) -> Samples:
         """Mean power (blocks,) in um^2 of a column (n + skipped,) in um."""

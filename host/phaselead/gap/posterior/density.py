@@ -7,7 +7,8 @@ In each block the residual's coefficients are normal of a variance
 with ``base`` what the base is expected to leave (``expected``) and ``signal_j`` the power of what effect j adds: no
 stage obeys an equation exactly, and what the equation of an effect misses is a share rho of it, one for all effects
 but never less than what is left by the best equations of a material. What the base misses differs from record to
-record, by kappa. Both are unknown and summed over. What a model misses is smooth, so that all coefficients of a block
+record, by kappa. Both are unknown and summed over. The base misses as much of what a set had done before a record
+began, where that moves the stage as a voltage does. What a model misses is smooth, so that all coefficients of a block
 say it once, where noise says something new in each: a block counts as so many (``expected``). Where few told the
 variance, Student's t takes the place of the normal distribution.
 """
@@ -54,6 +55,7 @@ class Density:
     def __post_init__(self) -> None:
         parts = [self.expected.of(run, run.motion) for run in self.runs]
         self.noise, self.base, self.told = (np.concatenate(of) for of in zip(*parts, strict=True))
+        self.base_share = np.concatenate([self.expected.shares_of(run) for run in self.runs])
         held = [np.full(len(run.sizes), run.modelled.run.role == "holdout") for run in self.runs]
         self.fitted = ~np.concatenate(held)
         self.changed = np.concatenate([np.full(len(run.sizes), run.changed) for run in self.runs])
@@ -79,7 +81,8 @@ class Density:
     def variance(self, terms: Terms, shares: Sequence[float]) -> Samples:
         """v (s, k, blocks) in um^2, for each multiple of what the base misses in a record."""
         missed = missed_um2(np.array(shares)[:, None], terms.signal, terms.of_material)
-        found = np.asarray(self._without_effects + missed[:, None])
+        moved_before = np.array(TIMES_BASE)[:, None] ** 2 * self.base_share * terms.moved_before
+        found = np.asarray(self._without_effects + moved_before + missed[:, None])
         if has_history(terms.entries) or not terms.levels_say:
             found[..., self._is_level] = ANYWHERE_UM2
         return found

@@ -55,8 +55,7 @@ class Expected:
     def of(self, run: BlockedRun, motion: Samples) -> tuple[Samples, Samples, Samples]:
         """Noise and misfit (blocks,) in um^2 per coefficient of a run whose base has this power (blocks,), and how many
         coefficients tell their sum: degrees of freedom of Student's t (Welch 1947)."""
-        at = self._at(run.octaves)
-        at[: run.first_octave] = at[1]
+        at = self._blocks_at(run)
         noise, base = self.noise_um2[at], self.share[at] * motion
         told = (noise + base) ** 2 / (noise**2 / self.noise_told[at] + base**2 / self.share_told[at])
         if run.levelled:
@@ -64,6 +63,16 @@ class Expected:
             base[0] += self.scatter_um2
             told[0] = self.scatter_told
         return noise, base, told
+
+    def shares_of(self, run: BlockedRun) -> Samples:
+        """Share (blocks,) of the power of its motion that the base misses of a run."""
+        return self.share[self._blocks_at(run)]
+
+    def _blocks_at(self, run: BlockedRun) -> Counts:
+        """Places here of the blocks of a run; of its level that of its lowest octave."""
+        at = self._at(run.octaves)
+        at[: run.first_octave] = at[1]
+        return at
 
     def counted(self, octaves: Counts, sizes: Counts, noise: Samples, missed: Samples) -> Samples:
         """Effective number of coefficients (..., blocks) of blocks of ``sizes`` that hold noise and something missed,

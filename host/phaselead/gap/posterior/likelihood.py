@@ -13,8 +13,9 @@ from itertools import pairwise
 
 import numpy as np
 
+from phaselead.gap.base_refit import columns_beyond, reach_V
 from phaselead.gap.parameters import SizedEffect, entries_at, internal, is_logarithmic, parameters_of
-from phaselead.gap.posterior.before import STANDING, Stood, amounts_stood, stands_off, stood_of
+from phaselead.gap.posterior.before import STANDING, Stood, amounts_stood, stands_off, stood_of, with_stood
 from phaselead.gap.posterior.blocks import BlockedRun, Simulated
 from phaselead.gap.posterior.density import ANYWHERE_UM2, LEAST_GAIN, SETTLED, Density
 from phaselead.gap.posterior.fault import as_fault, fault_deviations
@@ -51,6 +52,8 @@ class Likelihood(Density):
     """What makes these columns, in this order, for any run."""
     known: tuple[SizedEffect, ...] = ()
     """Effects that explain much, by themselves or beside others: what may be taken for one another."""
+    base_may_be_off: bool = False
+    """Whether the base may be off beyond the voltages that it was fitted to."""
     begun: Mapping[str, tuple[BlockedRun, ...]] = field(default_factory=dict)
     """By effect that stands off as a voltage, the runs from the memories that suit them beside it."""
 
@@ -74,6 +77,23 @@ class Likelihood(Density):
         added = [with_levels_about_their_sessions(self.runs, columns) for columns in made]
         shared = tuple(np.concatenate(of_run, axis=1) for of_run in zip(self.shared, *added, strict=True))
         return replace(self, shared=shared, shared_by=(*self.shared_by, *makers))
+
+    def missing_beyond(self, terms: Terms | None = None) -> Likelihood:
+        """The same, where the base may be off beyond the voltages that it was fitted to. These are the voltages of the
+        records, or those to which a set of effects moves them."""
+        if not self.base_may_be_off:
+            return self
+        entries = () if terms is None else terms.entries
+        stood = [{}] * len(self.runs) if terms is None else terms.stood
+        each = zip(self.runs, self.runs_of(entries), stood, strict=True)
+        acting = [(in_it.simulates, with_stood(entries, had) if run.changed else []) for run, in_it, had in each]
+        reach, known = reach_V(acting), dict(zip(map(id, self.runs), acting, strict=True))
+
+        def beyond(run: BlockedRun) -> Samples:
+            modelled, extra = known.get(id(run), (run.modelled, entries))
+            return run.coefficients(columns_beyond(modelled, reach, extra))
+
+        return self.missing(beyond)
 
     def shared_in(self, run: BlockedRun) -> Samples:
         """Coefficients (n, k) of the shared columns in a run that is none of these, and belongs to no session."""
@@ -111,7 +131,10 @@ class Likelihood(Density):
             in_all = np.sqrt(sum(_squares(run, like) for run, like in zip(self.runs, like_them, strict=True)))
             if in_all > 0:
                 makers.append(partial(_scaled, LIKE_RIVALS * size / in_all, like))
-        return self.missing(*makers)
+        found = self.missing(*makers)
+        if not any(stands_off(effect) for effect, _ in entries):
+            return found
+        return found.missing_beyond(self.fitted_terms(entries, steps=0)[0])
 
     def _size_um(self, entries: Sequence[SizedEffect], index: int) -> float:
         """Root of the squares, over all records about their means, of what one effect adds to the others."""
@@ -137,10 +160,11 @@ class Likelihood(Density):
         found = [run.simulated(entries, of_run) for run, of_run in zip(self.runs_of(entries), stood, strict=True)]
         of_effects = self._added_um2(found)
         material = of_effects[is_of_material(entries)].sum(axis=0)
-        prior = prior_of(entries)
+        moved_before = np.concatenate([one.moved_before for one in found])
         moments = self._moments(found)
         moments = moments if moving is None else moments.where_moving(moving)
-        return Terms(tuple(entries), moments, of_effects.sum(axis=0), material, prior, stood)
+        of_all = of_effects.sum(axis=0)
+        return Terms(tuple(entries), moments, of_all, material, moved_before, prior_of(entries), stood)
 
     def simulated(self, terms: Terms) -> list[Simulated]:
         """What a set of effects does in each run."""
@@ -189,7 +213,7 @@ class Likelihood(Density):
         moments = terms.moments.with_residual(own, across)
         prior = prior_of(entries)
         none = Prior(prior.log_density, np.zeros(0), np.zeros(0))
-        return Terms(entries, moments, terms.signal, terms.of_material, none, terms.stood)
+        return replace(terms, entries=entries, moments=moments, prior=none, levels_say=True, settled={})
 
     def held_out_log_density(self, entries: Sequence[SizedEffect]) -> float:
         """Of the held-out records as effects at their parameters predict them, levels and all."""

@@ -8,6 +8,7 @@ from functools import partial
 
 import numpy as np
 
+from phaselead.gap.base_refit import base_columns
 from phaselead.gap.error_rates import SURE
 from phaselead.gap.parameters import SizedEffect, stands_at_an_end
 from phaselead.gap.posterior.before import stands_off
@@ -19,7 +20,6 @@ from phaselead.gap.posterior.likelihood import Likelihood
 from phaselead.gap.posterior.priors import SIZES, log_prior_of_set
 from phaselead.gap.posterior.sets import Fit, Names, confused, has_history, names_of
 from phaselead.gap.posterior.starts import Start, Starts
-from phaselead.gap.regressors import base_columns
 from phaselead.gap.residual import ModelledRun
 from phaselead.model import Effect
 
@@ -92,7 +92,8 @@ def likelihood_of(runs: Sequence[ModelledRun], base_may_be_off: bool = False, op
     likelihood = Likelihood(tuple(every), expected_of(every), tuple(zeros), (elsewhere,))
     if not base_may_be_off:
         return likelihood
-    return likelihood.missing(lambda run: run.coefficients(base_columns(run.modelled, open_plays)))
+    likelihood = likelihood.missing(lambda run: run.coefficients(base_columns(run.modelled, open_plays)))
+    return replace(likelihood, base_may_be_off=True).missing_beyond()
 
 
 def search_sets(likelihood: Likelihood, effects: Sequence[Effect], on_progress: Callable[[float], None]) -> Contest:
@@ -214,7 +215,7 @@ def _last_contest(likelihood: Likelihood, pool: Mapping[Names, Fit], catalogue_s
     ranked = sorted(pool, key=lambda names: -contest.log_posterior(names))
     least = contest.log_posterior(ranked[0]) - WITHIN
     close = [pool[names] for names in ranked[:MOST_CONTESTED] if contest.log_posterior(names) > least]
-    starts: dict[Names, tuple[SizedEffect, ...]] = {(): (), **{fit.names: fit.entries for fit in close}}
+    starts: dict[Names, list[tuple[SizedEffect, ...]]] = {(): [()], **{fit.names: [fit.entries] for fit in close}}
     seen = {effect.name: (effect, params) for fit in reversed(close) for effect, params in fit.entries}
     likelihood = likelihood.knowing([entry for entry in seen.values() if entry not in likelihood.known])
     best, tried = close[0].entries, set[Names]()
@@ -222,13 +223,21 @@ def _last_contest(likelihood: Likelihood, pool: Mapping[Names, Fit], catalogue_s
         tried.add(names_of(best))
         for i in range(len(best)):
             rest = (*best[:i], *best[i + 1 :])
-            starts.setdefault(names_of(rest), pool[names_of(rest)].entries if names_of(rest) in pool else rest)
-            starts = {**_exchanged(pool, best, i), **starts}
+            # A set that grew in one way may have missed what another way leads to.
+            starts.setdefault(names_of(rest), [pool[names_of(rest)].entries] if names_of(rest) in pool else [])
+            starts[names_of(rest)].append(rest)
+            starts = {**{names: [entries] for names, entries in _exchanged(pool, best, i).items()}, **starts}
         among = likelihood.with_misfit_of(best)
-        contest = Contest(among, {names: among.fit(entries) for names, entries in starts.items()}, catalogue_size)
-        starts = {names: fit.entries for names, fit in contest.fits.items()}
+        fits = {names: _best_fit(among, several) for names, several in starts.items()}
+        contest = Contest(among, fits, catalogue_size)
+        starts = {names: [fit.entries] for names, fit in fits.items()}
         best = max(contest.fits.values(), key=lambda fit: contest.log_posterior(fit.names)).entries
     return contest
+
+
+def _best_fit(likelihood: Likelihood, starts: Sequence[tuple[SizedEffect, ...]]) -> Fit:
+    """The best fit of a set from any of some starts."""
+    return max((likelihood.fit(entries) for entries in starts), key=lambda fit: fit.log_evidence)
 
 
 def _exchanged(

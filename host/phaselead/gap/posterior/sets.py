@@ -43,6 +43,8 @@ class Terms:
     """(blocks,) power of what the effects add, spread."""
     of_material: Samples
     """(blocks,) the part of it that is of the ceramic's loops and creep."""
+    moved_before: Samples
+    """(blocks,) power of how what had stood off before the records moves the stage."""
     prior: Prior
     stood: tuple[Stood, ...]
     """By run what the effects had done before it as voltages, beside which all of this is linear."""
