@@ -223,21 +223,24 @@ def _last_contest(likelihood: Likelihood, pool: Mapping[Names, Fit], catalogue_s
         tried.add(names_of(best))
         for i in range(len(best)):
             rest = (*best[:i], *best[i + 1 :])
-            # A set that grew in one way may have missed what another way leads to.
-            starts.setdefault(names_of(rest), [pool[names_of(rest)].entries] if names_of(rest) in pool else [])
-            starts[names_of(rest)].append(rest)
+            grown = pool.get(names_of(rest))
+            known = starts.setdefault(names_of(rest), [] if grown is None else [grown.entries])
+            if rest not in known:  # a set that grew in one way may have missed what another way leads to
+                known.append(rest)
             starts = {**{names: [entries] for names, entries in _exchanged(pool, best, i).items()}, **starts}
         among = likelihood.with_misfit_of(best)
-        fits = {names: _best_fit(among, several) for names, several in starts.items()}
+        fits = {names: among.fit(_likeliest(among, several)) for names, several in starts.items()}
         contest = Contest(among, fits, catalogue_size)
         starts = {names: [fit.entries] for names, fit in fits.items()}
         best = max(contest.fits.values(), key=lambda fit: contest.log_posterior(fit.names)).entries
     return contest
 
 
-def _best_fit(likelihood: Likelihood, starts: Sequence[tuple[SizedEffect, ...]]) -> Fit:
-    """The best fit of a set from any of some starts."""
-    return max((likelihood.fit(entries) for entries in starts), key=lambda fit: fit.log_evidence)
+def _likeliest(likelihood: Likelihood, starts: Sequence[tuple[SizedEffect, ...]]) -> tuple[SizedEffect, ...]:
+    """Of some starts of a set the one that is the most likely before it is fitted."""
+    if len(starts) == 1:
+        return starts[0]
+    return max(starts, key=lambda entries: likelihood.fitted_terms(entries, steps=0)[2])
 
 
 def _exchanged(
