@@ -48,14 +48,19 @@ def reach_V(runs: Sequence[tuple[ModelledRun, Extra]]) -> tuple[float, float]:
 
 def columns_beyond(modelled: ModelledRun, reach: tuple[float, float], acting: Extra = ()) -> Samples:
     """Columns (n, k) in um of what the base may miss beyond the voltages that it was fitted to, one prior deviation
-    each, as it looks beside ``acting`` effects: plays and bends go on there as far off as within. ``reach``: how far
-    any record goes; k is the same for all of them, and 0 where none goes beyond."""
+    each, as it looks beside ``acting`` effects: plays and bends go on there as far off as within, and the slope may go
+    on changing as it does within on the average, where the model goes straight on. ``reach``: how far any record goes;
+    k is the same for all of them, and 0 where none goes beyond."""
     field = _Field.of(modelled, acting)
     slope, columns = PLAY_STD * mean_slope(modelled.axis), [np.zeros((len(field.v), 0))]
     if field.view.play_r_V:
         columns.append(slope * field.moved(_larger_thresholds(field, reach)))
     segment = (field.high - field.low) / (BASE_SEGMENTS + 1)
-    for past, most in ((field.v - field.high, reach[1] - field.high), (field.low - field.v, field.low - reach[0])):
+    ends = (field.v - field.high, reach[1] - field.high), (field.low - field.v, field.low - reach[0])
+    if field.bends_um_per_V2 and max(most for _, most in ends) > 0:
+        square_V2 = np.sum([np.maximum(past, 0.0) ** 2 for past, _ in ends], axis=0)
+        columns.append(field.bends_um_per_V2 / 2 * square_V2[:, None])
+    for past, most in ends:
         count = min(int(np.ceil(max(most, 0.0) / segment)), BASE_SEGMENTS)
         each = max(most, 0.0) / max(count, 1)
         # The slope changes as much from one segment to the next, however long they are.
@@ -85,6 +90,12 @@ class _Field:
     low: float
     high: float
     """Of what the base was fitted to, in V."""
+
+    @property
+    def bends_um_per_V2(self) -> float:
+        """By how much the slope of the base's bends changes per volt of what it was fitted to, on the average."""
+        bends = zip(self.view.deadzone_d_V, self.view.deadzone_s_um_per_V, strict=True)
+        return float(sum(s if d >= 0 else -s for d, s in bends) / (self.high - self.low))
 
     @classmethod
     def of(cls, modelled: ModelledRun, acting: Extra = ()) -> _Field:

@@ -15,7 +15,7 @@ from phaselead.identify.operator.choosing import FINEST, choose_basis
 from phaselead.identify.operator.leaving_out import folds_of
 from phaselead.identify.operator.likeliest import likeliest_slopes
 from phaselead.identify.operator.placing import fewest_knots, paired_plays
-from phaselead.identify.operator.records import Records, known_rest, searched_from, thinned
+from phaselead.identify.operator.records import Records, known_rest, searched_from, span_of, thinned
 from phaselead.identify.operator.regressors import Basis, ringing_s
 from phaselead.identify.operator.result import Choice, OperatorFit, RecordResidual, effective_rows, standard_errors
 from phaselead.identify.operator.session import SEARCH_ROWS, as_known, from_their_memories, told_behind_modes
@@ -51,7 +51,8 @@ def fit_operator(runs: Sequence[AxisRun], modes: tuple[Mode, ...] = (), lag_s: f
     ``modes``: about where the mechanics have some; those that pay are fitted together with the operator. ``lag_s``:
     what else the measured response lags. Raises BadInput for data that determine nothing.
     """
-    records = Records(runs, thinned(runs, SEARCH_ROWS, ringing_s=ringing_s(modes)), lag_s=lag_s)
+    fits = thinned(runs, SEARCH_ROWS, ringing_s=ringing_s(modes))
+    records = Records(runs, fits, span_of(runs, ringing_s(modes)), lag_s=lag_s)
     even, of_even, messages = from_their_memories(records, modes)
     records, found = even, of_even
     basis, choices = choose_basis(records, found)
@@ -188,7 +189,7 @@ def fit_linear(runs: Sequence[AxisRun], modes: tuple[Mode, ...] = (), lag_s: flo
     With a ``lag_s`` the gain is that of slow motion: lag, and the ``modes`` that pay, are fitted beside it.
     """
     fits = thinned(runs, MOST_ROWS if lag_s is None else SEARCH_ROWS, ringing_s=ringing_s(modes))
-    records = Records(runs, fits, lag_s=lag_s or 0.0)
+    records = Records(runs, fits, span_of(runs, ringing_s(modes)), lag_s=lag_s or 0.0)
     basis = records.basis(0, 1)
     if lag_s is None:
         return _result(records, records.at(basis, 0.0, 0.0), (), ())

@@ -9,7 +9,15 @@ from functools import cached_property
 import numpy as np
 
 from phaselead.identify.operator.leaving_out import FOLD_BLOCKS
-from phaselead.identify.operator.regressors import FEWEST_ROWS, Basis, FitRun, Turns, nested_basis, rows_to_fit
+from phaselead.identify.operator.regressors import (
+    FEWEST_ROWS,
+    Basis,
+    FitRun,
+    Turns,
+    nested_basis,
+    rows_that_count,
+    rows_to_fit,
+)
 from phaselead.identify.operator.solution import REST_STEP, Solution, best_operator, best_slopes
 from phaselead.identify.operator.starting_memories import settled_of
 from phaselead.identify.runs import AxisRun, longest_delay_s, period_s
@@ -27,6 +35,8 @@ class Records:
 
     runs: Sequence[AxisRun]
     fits: list[FitRun]
+    span_V: tuple[float, float]
+    """The lowest and the highest voltage that the operator is fitted to: not that of rows which are left out."""
     offset_weight: float = 1.0
     lag_s: float = 0.0
     """Of the measured response, where that is known: the delay may be twice as long, however short the periods."""
@@ -47,18 +57,13 @@ class Records:
         return self.fits[0].field
 
     def in_field(self, bend: float) -> Records:
-        """The same where the field over all their voltages bends."""
+        """The same where the field over the voltages that it is fitted to bends."""
         field = EffectiveField(bend, self.span_V)
         return replace(self, fits=[replace(f, field=field) for f in self.fits])
 
     def weighing(self, tilt: float, taper: float) -> Records:
         """The same where the weight of plays depends so on the level."""
         return replace(self, tilt=tilt, taper=taper)
-
-    @property
-    def span_V(self) -> tuple[float, float]:
-        """All their voltages."""
-        return min(float(r.u_V.min()) for r in self.runs), max(float(r.u_V.max()) for r in self.runs)
 
     @property
     def own_offsets(self) -> bool:
@@ -90,6 +95,12 @@ class Records:
         """The best operator of a basis and the best modes behind it, from there on."""
         start = (delay_s, rest_fraction)
         return best_operator(self.fits, basis, self.longest_delay_s, self.offset_weight, start, modes, whole=whole)
+
+
+def span_of(runs: Sequence[AxisRun], ringing_s: float) -> tuple[float, float]:
+    """The lowest and the highest voltage of the rows that count."""
+    each = [run.u_V[rows_that_count(run, ringing_s)] for run in runs]
+    return min(float(u.min()) for u in each), max(float(u.max()) for u in each)
 
 
 def thinned(

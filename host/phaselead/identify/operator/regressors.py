@@ -324,23 +324,26 @@ def ringing_s(modes: tuple[Mode, ...]) -> float:
 
 
 def rows_to_fit(run: AxisRun, most_rows: int, first_group: int, n_groups: int, *, ringing_s: float = 0.0) -> FitRun:
-    """Thin the scored rows of ``run`` to about ``most_rows``, in ``n_groups`` stretches of time.
-
-    Rows just after a jump are left out, unless most are or the model has modes that tell how the stage rings there
-    (for ``ringing_s``). They do not tell how it rang before the record: where that does not begin at 0 V, its start is
-    left out.
-    """
+    """Thin the rows of ``run`` that count to about ``most_rows``, in ``n_groups`` stretches of time."""
     start, stop, _ = run.scored.indices(len(run.u_V))
     rows = np.arange(start, stop, max(1, (stop - start) // most_rows))
-    if ringing_s:
-        calm = rows if run.begins_at_0_V else rows[rows >= round(ringing_s / run.step_s)]
-    else:
-        calm = rows[~_after_jump(run)[rows]]
-    if len(calm) > len(rows) // 2:
-        rows = calm
+    rows = rows[rows_that_count(run, ringing_s)[rows]]
     groups = first_group + np.arange(len(rows)) * n_groups // len(rows)
     weight = 1.0 / (np.ptp(run.x_um[rows]) ** 2 * len(rows))
     return FitRun(run, rows.astype(np.uintp), groups, float(weight))
+
+
+def rows_that_count(run: AxisRun, ringing_s: float) -> NDArray[np.bool_]:
+    """Which rows (n,) of a run are fitted: the scored ones, but those just after a jump, unless most are or the model
+    has modes that tell how the stage rings there (for ``ringing_s``). They do not tell how it rang before the record:
+    where that does not begin at 0 V, its start is left out."""
+    scored = np.zeros(len(run.u_V), dtype=np.bool_)
+    scored[run.scored] = True
+    if not ringing_s:
+        calm = scored & ~_after_jump(run)
+    else:
+        calm = scored if run.begins_at_0_V else scored & (np.arange(len(scored)) >= round(ringing_s / run.step_s))
+    return calm if calm.sum() > scored.sum() // 2 else scored
 
 
 def _after_jump(run: AxisRun) -> NDArray[np.bool_]:
