@@ -118,8 +118,12 @@ class Weighed:
     def fit(self, entries):
         names = tuple(sorted(effect.name for effect, _ in entries))
         return SimpleNamespace(
-            entries=tuple(entries), names=names, log_evidence=self.evidence.get(names, 0.0), levels=lambda held_out: 0.0
-        )
+            entries=tuple(entries), names=names, log_evidence=self.evidence.get(names, 0.0), levels=lambda held_out: 0.0,
+            terms=SimpleNamespace(stood=()),
+        )  # fmt: skip
+
+    def missing_beyond(self, entries, stood):
+        return self
 
     def fitted_terms(self, entries, steps):
         assert steps == 0
@@ -142,11 +146,8 @@ def test_a_winner_that_was_far_behind_meets_its_rivals(rival):
 
 def test_the_winner_less_one_effect_is_fitted_from_where_the_winner_stands_too():
     """A leak alone stayed at half its rate, where it had grown, and a bend of the sensor beside it took the rest."""
-    slow, quick, bend = (
-        entry("charge_leakage", rate_per_s=0.02),
-        entry("charge_leakage", rate_per_s=0.05),
-        entry("creep"),
-    )
+    slow, quick = (entry("charge_leakage", rate_per_s=rate) for rate in (0.02, 0.05))
+    bend = entry("sensor_nonlinearity")
     leak = slow[0].name
 
     class Stuck(Weighed):
@@ -155,7 +156,7 @@ def test_the_winner_less_one_effect_is_fitted_from_where_the_winner_stands_too()
             found.log_evidence += 10.0 * any(params.get("rate_per_s") == 0.05 for _, params in entries)
             return found
 
-    table = Stuck({f"{leak} creep": 100.0, leak: 90.0})
+    table = Stuck({f"{leak} {bend[0].name}": 100.0, leak: 90.0})
     pool = {one.names: one for one in map(table.fit, [(), (slow,), (quick, bend), (bend,)])}
     contest = search._last_contest(table, pool, 10)
     assert contest.fits[(leak,)].entries == (quick,)

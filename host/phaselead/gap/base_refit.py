@@ -40,39 +40,50 @@ def base_columns(modelled: ModelledRun, open_plays: bool) -> Samples:
     return through_effects(modelled, np.stack(columns, axis=1))[1:][modelled.run.rows]
 
 
-def reach_V(runs: Sequence[tuple[ModelledRun, Extra]]) -> tuple[float, float]:
+def span_of_fields(runs: Sequence[tuple[ModelledRun, Extra]]) -> tuple[float, float]:
     """Lowest and highest field in V that the plays answer to in any run, each with what acts in it."""
     fields = [_Field.of(modelled, acting).v for modelled, acting in runs]
     return min(float(v.min()) for v in fields), max(float(v.max()) for v in fields)
 
 
-def columns_beyond(modelled: ModelledRun, reach: tuple[float, float], acting: Extra = ()) -> Samples:
+def columns_beyond(modelled: ModelledRun, span: tuple[float, float], acting: Extra = ()) -> Samples:
     """Columns (n, k) in um of what the base may miss beyond the voltages that it was fitted to, one prior deviation
-    each, as it looks beside ``acting`` effects: plays and bends go on there as far off as within, and the slope may go
-    on changing as it does within on the average, where the model goes straight on. ``reach``: how far any record goes;
-    k is the same for all of them, and 0 where none goes beyond."""
+    each, as it looks beside ``acting`` effects.
+
+    Plays and bends go on there, as far off as those that a fit has within; a model without bends may have some there.
+    Its slope, which goes straight on, may as well go on changing as it does within. ``span``: lowest and highest field
+    in V of all records; k is the same for each of them, and 0 where none goes beyond.
+    """
     field = _Field.of(modelled, acting)
-    slope, columns = PLAY_STD * mean_slope(modelled.axis), [np.zeros((len(field.v), 0))]
-    if field.view.play_r_V:
-        columns.append(slope * field.moved(_larger_thresholds(field, reach)))
-    segment = (field.high - field.low) / (BASE_SEGMENTS + 1)
-    ends = (field.v - field.high, reach[1] - field.high), (field.low - field.v, field.low - reach[0])
-    if field.bends_um_per_V2 and max(most for _, most in ends) > 0:
-        square_V2 = np.sum([np.maximum(past, 0.0) ** 2 for past, _ in ends], axis=0)
-        columns.append(field.bends_um_per_V2 / 2 * square_V2[:, None])
-    for past, most in ends:
-        count = min(int(np.ceil(max(most, 0.0) / segment)), BASE_SEGMENTS)
-        each = max(most, 0.0) / max(count, 1)
-        # The slope changes as much from one segment to the next, however long they are.
-        columns.append(slope * np.sqrt(each / segment) * np.maximum(past[:, None] - each * np.arange(count), 0.0))
+    below, above = max(field.low - span[0], 0.0), max(span[1] - field.high, 0.0)
+    columns = [np.zeros((len(field.v), 0))]
+    if below or above:
+        off = PLAY_STD * mean_slope(modelled.axis)
+        columns = [
+            field.slope_goes_on_um()[:, None],
+            off * field.moved_beyond(_larger_thresholds(field, span)),
+            off * _bends(field.v - field.high, above, field.segment),
+            off * _bends(field.low - field.v, below, field.segment),
+        ]
     return through_effects(modelled, np.concatenate(columns, axis=1), acting)[1:][modelled.run.rows]
 
 
-def _larger_thresholds(field: _Field, reach: tuple[float, float]) -> Samples:
+def _bends(past: Samples, farthest: float, segment: float) -> Samples:
+    """Columns (n, m) in V of a slope that changes by one at the end of the fitted field and then segment by segment,
+    ``past`` (n,) V beyond that end; longer segments where more than usual would reach the farthest. The change grows
+    with the root of the length, as that of a random walk does."""
+    count = min(int(np.ceil(farthest / segment)), BASE_SEGMENTS)
+    length = farthest / max(count, 1)
+    return np.asarray(np.sqrt(length / segment) * np.maximum(past[:, None] - length * np.arange(count), 0.0))
+
+
+def _larger_thresholds(field: _Field, span: tuple[float, float]) -> Samples:
     """Thresholds (m,) in V of the plays of a refit that only records beyond the fitted field move, as many at most as
-    move within it."""
-    further = (reach[1] - reach[0]) / (field.high - field.low)
-    count = int(np.clip(BASE_PLAYS * further ** (2 / 3), BASE_PLAYS, 2 * BASE_PLAYS))
+    move within it; none of a base without plays."""
+    if not field.view.play_r_V:
+        return np.zeros(0)
+    wider = (max(span[1], field.high) - min(span[0], field.low)) / (field.high - field.low)
+    count = min(int(BASE_PLAYS * wider ** (2 / 3)), 2 * BASE_PLAYS)
     every = play_thresholds((field.high - field.low) * (count / BASE_PLAYS) ** 1.5, count)
     return every[BASE_PLAYS:]
 
@@ -89,13 +100,32 @@ class _Field:
     """Voltage in that row."""
     low: float
     high: float
-    """Of what the base was fitted to, in V."""
+    """Ends of the field in V that the base was fitted to."""
 
     @property
-    def bends_um_per_V2(self) -> float:
-        """By how much the slope of the base's bends changes per volt of what it was fitted to, on the average."""
-        bends = zip(self.view.deadzone_d_V, self.view.deadzone_s_um_per_V, strict=True)
-        return float(sum(s if d >= 0 else -s for d, s in bends) / (self.high - self.low))
+    def segment(self) -> float:
+        """Length in V of a segment of a refit."""
+        return (self.high - self.low) / (BASE_SEGMENTS + 1)
+
+    def slope_goes_on_um(self) -> Samples:
+        """(n + 1,) in um: what is added beyond the fitted voltages where the slope of the base, all plays moving, goes
+        on changing there as it does from the first segment within to the last."""
+        low_V, high_V = self.view.u_range_V
+        first, last = (self._slope_um_per_V(at_V) for at_V in (low_V, high_V))
+        changes = (last - first) / ((high_V - low_V) * BASE_SEGMENTS / (BASE_SEGMENTS + 1))
+        above_V = np.maximum(self.v - self.high, 0.0) / (self.view.field.at(high_V + 1) - self.high)
+        below_V = np.maximum(self.low - self.v, 0.0) / (self.low - self.view.field.at(low_V - 1))
+        return np.asarray(changes / 2 * (above_V**2 + below_V**2))
+
+    def _slope_um_per_V(self, end_V: float) -> float:
+        """Of the base over the segment at one end of the fitted voltages, all plays moving."""
+        low_V, high_V = self.view.u_range_V
+        within = (high_V - low_V) / (BASE_SEGMENTS + 1) * (1 if end_V == low_V else -1)
+        v = self.view.field.of(np.array([end_V, end_V + within]))
+        x = self.view.gain_um_per_V * v + sum(self.view.play_w_um_per_V) * self.view.density.read(v)
+        for d_V, s_um_per_V in zip(self.view.deadzone_d_V, self.view.deadzone_s_um_per_V, strict=True):
+            x = x + s_um_per_V * np.maximum(v - d_V, 0.0)
+        return float((x[1] - x[0]) / within)
 
     @classmethod
     def of(cls, modelled: ModelledRun, acting: Extra = ()) -> _Field:
@@ -107,11 +137,18 @@ class _Field:
         return cls(modelled, view, view.field.of(signal.value), float(signal.u_V[0]), low, high)
 
     def moved(self, r_V: Samples) -> Samples:
-        """What plays of thresholds (m,) in V add, (n + 1, m), a unit of weight each."""
+        """What plays of thresholds (m,) in V add, (n + 1, m) in V, a unit of weight each."""
+        return self._moved_by(self.v, r_V)
+
+    def moved_beyond(self, r_V: Samples) -> Samples:
+        """The same, less what a field that stops at both ends of the fitted one moves of it."""
+        return self._moved_by(self.v, r_V) - self._moved_by(np.clip(self.v, self.low, self.high), r_V)
+
+    def _moved_by(self, v: Samples, r_V: Samples) -> Samples:
         began = self.modelled.began
         way_V = () if began is None else (*began.turned_V, self.before_V)
         start = plays_after(self.view, *way_V, r_V=r_V) + self.v[0] - self.view.field.at(self.before_V)
-        return self.view.density.read(plays(self.v, r_V, np.clip(start, self.v[0] - r_V, self.v[0] + r_V))[0])
+        return self.view.density.read(plays(v, r_V, np.clip(start, v[0] - r_V, v[0] + r_V))[0])
 
 
 def through_effects(modelled: ModelledRun, columns: Samples, acting: Extra = ()) -> Samples:

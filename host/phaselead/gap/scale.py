@@ -13,6 +13,7 @@ from phaselead.gap.goodness_of_fit import FinalFit
 from phaselead.gap.posterior import TIMES_BASE
 from phaselead.gap.records import GapRun, Role
 from phaselead.gap.residual import RunResidual, modelled_run
+from phaselead.identify import fitted_span_V
 from phaselead.model import AxisModel, Stage, out_of_scale, range_um, scale_doubt
 from phaselead.quantity import digits
 from phaselead.record import Samples, factors_moved, in_another_unit, seem_exchanged, slow_gain, unit_remedy
@@ -24,9 +25,9 @@ the reference records by no more."""
 MOST_AT_REST = 0.2
 """Share of its travel by which a stage may move at rest, about a straight line: creep after a step over all of it is 10
 to 15 % (Jung and Gweon 2000), and surroundings shake none as far."""
-FAR_BEYOND = 0.05
-"""Share of the range by which a voltage may leave it. A slope that changes by a fifth over the range, as ceramics have,
-comes to 0.025 % of the travel there, which is what good fits leave."""
+UNFITTED = 0.05
+"""Share of the fitted range by which a record may leave it without a warning. Beyond that a base that goes straight on,
+of a stage whose slope changes by a fifth over its range, is off by 0.025 % of the travel."""
 Moved = tuple[GapRun, Samples, Samples]
 """A record, what the model says of it from the memory that suits it best, and its position, (n,) in um over the scored
 rows."""
@@ -91,8 +92,8 @@ def range_doubts(stage: Stage, driven: Compared) -> tuple[str, ...]:
 def _beyond_fit(axis: str, model: AxisModel, driven: Sequence[Moved]) -> list[str]:
     assert model.time is not None
     low, high = model.time.u_range_V
-    within = FAR_BEYOND * (high - low)
-    spans = [(run, float(run.u_V.min()), float(run.u_V.max())) for run, _, _ in driven]
+    within = UNFITTED * (high - low)
+    spans = [(run, *fitted_span_V([run.as_fitted])) for run, _, _ in driven]
     far = [one for one in spans if one[1] < low - within or one[2] > high + within]
     if not far:
         return []

@@ -251,7 +251,8 @@ class BlockedRun:
         each = [np.array(added).reshape(e, len(answer)), fresh.T[:-1], *(one.T for one in before), fresh.T[-1:] + there]
         columns = self.coefficients(np.concatenate(each).T)
         squares = np.add.reduceat(columns[:, :e] ** 2, self.edges[:-1], axis=0).T
-        moved = self.spread(self.power(answer - self.simulates.answer(entries))) if stood else np.zeros(len(self.sizes))
+        stands = answer - self.simulates.answer(entries) if there.any() else np.zeros(len(answer))
+        moved = self.spread(self.power(stands))
         return Simulated(columns[:, e:].copy(order="K"), p, squares / self.sizes, columns[0, :e].copy(), of, moved)
 
     def power(self, column: Samples) -> Samples:

@@ -2,13 +2,13 @@
 
 In each block the residual's coefficients are normal of a variance
 
-    v = noise + kappa^2 base + sum_j rho_j^2 signal_j
+    v = noise + kappa^2 (base + share before) + sum_j rho_j^2 signal_j
 
-with ``base`` what the base is expected to leave (``expected``) and ``signal_j`` the power of what effect j adds: no
+with ``base`` what the base is expected to leave (``expected``), a share of its motion, ``before`` how what a set had
+done before a record moves it as a voltage, and ``signal_j`` the power of what effect j adds: no
 stage obeys an equation exactly, and what the equation of an effect misses is a share rho of it, one for all effects
 but never less than what is left by the best equations of a material. What the base misses differs from record to
-record, by kappa. Both are unknown and summed over. The base misses as much of what a set had done before a record
-began, where that moves the stage as a voltage does. What a model misses is smooth, so that all coefficients of a block
+record, by kappa. Both are unknown and summed over. What a model misses is smooth, so that all coefficients of a block
 say it once, where noise says something new in each: a block counts as so many (``expected``). Where few told the
 variance, Student's t takes the place of the normal distribution.
 """
@@ -55,7 +55,7 @@ class Density:
     def __post_init__(self) -> None:
         parts = [self.expected.of(run, run.motion) for run in self.runs]
         self.noise, self.base, self.told = (np.concatenate(of) for of in zip(*parts, strict=True))
-        self.base_share = np.concatenate([self.expected.shares_of(run) for run in self.runs])
+        self.base_share = np.concatenate([self.expected.base_share_of(run) for run in self.runs])
         held = [np.full(len(run.sizes), run.modelled.run.role == "holdout") for run in self.runs]
         self.fitted = ~np.concatenate(held)
         self.changed = np.concatenate([np.full(len(run.sizes), run.changed) for run in self.runs])
@@ -129,11 +129,28 @@ class Density:
         return Settled(together([one.amounts for one in parts]), power, variance)
 
     def _settled(self, terms: Terms, shares: Sequence[float], held_out: bool) -> Settled:
+        """The first step is taken as if they explained everything: from nothing it would begin by calling an outlier
+        what they explain. Where that ends at something less likely than nothing, it begins from nothing after all."""
+        none = terms.moments.integrated.none(len(shares))
+        variance = self.variance(terms, shares)
+        found = self._settled_from(np.zeros_like(variance[:, 0]), terms, variance, held_out)
+        nothing = Settled(none, terms.moments.integrated.power(none), variance)
+        worse = np.flatnonzero(self._log_settled(found, held_out) < self._log_settled(nothing, held_out) - LEAST_GAIN)
+        if len(worse):
+            again = self._settled_from(nothing.power[worse], terms, variance[worse], held_out)
+            found.amounts.put(worse, again.amounts)
+            found.power[worse] = again.power
+        return found
+
+    def _log_settled(self, at: Settled, held_out: bool) -> Samples:
+        """Log density (s,) of the records and of what is integrated out, but for what all have in common."""
+        squares = at.amounts.along(at.amounts)[:, 0, 0]
+        return np.asarray(self.log_density(at.power, at.variance, held_out) - 0.5 * squares)
+
+    def _settled_from(self, power: Samples, terms: Terms, variance: Samples, held_out: bool) -> Settled:
+        """Where it settles from a power (s, blocks) of what is left."""
         moments = terms.moments.integrated
-        # The first step is taken as if they explained everything: from nothing it would begin by calling an outlier
-        # what they explain.
-        variance, amounts = self.variance(terms, shares), moments.none(len(shares))
-        power, unsettled = np.zeros_like(variance[:, 0]), np.arange(len(shares) if moments.columns else 0)
+        amounts, unsettled = moments.none(len(power)), np.arange(len(power) if moments.columns else 0)
         for _ in range(SETTLING):
             if not len(unsettled):
                 break
@@ -151,8 +168,7 @@ class Density:
     def log_joint(self, terms: Terms, shares: Sequence[float], held_out: bool = True) -> Samples:
         """Log density (s,) of the records, the held-out ones or not, and of all parameters."""
         at = self.settled(terms, shares, held_out)
-        squares = at.amounts.along(at.amounts)[:, 0, 0]
-        return np.asarray(self.log_density(at.power, at.variance, held_out) + terms.prior.log_density - 0.5 * squares)
+        return np.asarray(self._log_settled(at, held_out) + terms.prior.log_density)
 
     def information(
         self, terms: Terms, shares: Sequence[float], held_out: bool = True, independent: Samples | float = 1.0

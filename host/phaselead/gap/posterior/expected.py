@@ -64,7 +64,7 @@ class Expected:
             told[0] = self.scatter_told
         return noise, base, told
 
-    def shares_of(self, run: BlockedRun) -> Samples:
+    def base_share_of(self, run: BlockedRun) -> Samples:
         """Share (blocks,) of the power of its motion that the base misses of a run."""
         return self.share[self._blocks_at(run)]
 

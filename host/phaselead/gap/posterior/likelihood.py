@@ -13,7 +13,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from phaselead.gap.base_refit import columns_beyond, reach_V
+from phaselead.gap.base_refit import columns_beyond, span_of_fields
 from phaselead.gap.parameters import SizedEffect, entries_at, internal, is_logarithmic, parameters_of
 from phaselead.gap.posterior.before import STANDING, Stood, amounts_stood, stands_off, stood_of, with_stood
 from phaselead.gap.posterior.blocks import BlockedRun, Simulated
@@ -52,8 +52,10 @@ class Likelihood(Density):
     """What makes these columns, in this order, for any run."""
     known: tuple[SizedEffect, ...] = ()
     """Effects that explain much, by themselves or beside others: what may be taken for one another."""
-    base_may_be_off: bool = False
+    may_be_off_beyond: bool = False
     """Whether the base may be off beyond the voltages that it was fitted to."""
+    beyond: MakeColumns | None = None
+    """What makes the columns of that."""
     begun: Mapping[str, tuple[BlockedRun, ...]] = field(default_factory=dict)
     """By effect that stands off as a voltage, the runs from the memories that suit them beside it."""
 
@@ -78,22 +80,31 @@ class Likelihood(Density):
         shared = tuple(np.concatenate(of_run, axis=1) for of_run in zip(self.shared, *added, strict=True))
         return replace(self, shared=shared, shared_by=(*self.shared_by, *makers))
 
-    def missing_beyond(self, terms: Terms | None = None) -> Likelihood:
-        """The same, where the base may be off beyond the voltages that it was fitted to. These are the voltages of the
-        records, or those to which a set of effects moves them."""
-        if not self.base_may_be_off:
+    def missing_beyond(self, entries: Sequence[SizedEffect] = (), stood: Sequence[Stood] = ()) -> Likelihood:
+        """The same, where the base may be off beyond the voltages that it was fitted to, at the voltages of the records
+        or, instead, at those to which some effects, and what had stood off by run, move them."""
+        if not self.may_be_off_beyond:
             return self
-        entries = () if terms is None else terms.entries
-        stood = [{}] * len(self.runs) if terms is None else terms.stood
+        stood = tuple(stood) or ({},) * len(self.runs)
         each = zip(self.runs, self.runs_of(entries), stood, strict=True)
         acting = [(in_it.simulates, with_stood(entries, had) if run.changed else []) for run, in_it, had in each]
-        reach, known = reach_V(acting), dict(zip(map(id, self.runs), acting, strict=True))
+        span, mine = span_of_fields(acting), list(zip(self.runs, acting, strict=True))
 
         def beyond(run: BlockedRun) -> Samples:
-            modelled, extra = known.get(id(run), (run.modelled, entries))
-            return run.coefficients(columns_beyond(modelled, reach, extra))
+            modelled, extra = next((there for one, there in mine if one is run), (run.modelled, entries))
+            return run.coefficients(columns_beyond(modelled, span, extra))
 
-        return self.missing(beyond)
+        return replace(self._without(self.beyond).missing(beyond), beyond=beyond)
+
+    def _without(self, maker: MakeColumns | None) -> Likelihood:
+        """The same without the columns that something makes."""
+        if maker is None:
+            return self
+        at = self.shared_by.index(maker)
+        widths = [make(self.runs[0]).shape[1] for make in self.shared_by[: at + 1]]
+        begin, end = sum(widths[:-1]), sum(widths)
+        kept = tuple(np.delete(columns, np.s_[begin:end], axis=1) for columns in self.shared)
+        return replace(self, shared=kept, shared_by=(*self.shared_by[:at], *self.shared_by[at + 1 :]))
 
     def shared_in(self, run: BlockedRun) -> Samples:
         """Coefficients (n, k) of the shared columns in a run that is none of these, and belongs to no session."""
@@ -131,10 +142,7 @@ class Likelihood(Density):
             in_all = np.sqrt(sum(_squares(run, like) for run, like in zip(self.runs, like_them, strict=True)))
             if in_all > 0:
                 makers.append(partial(_scaled, LIKE_RIVALS * size / in_all, like))
-        found = self.missing(*makers)
-        if not any(stands_off(effect) for effect, _ in entries):
-            return found
-        return found.missing_beyond(self.fitted_terms(entries, steps=0)[0])
+        return self.missing(*makers)
 
     def _size_um(self, entries: Sequence[SizedEffect], index: int) -> float:
         """Root of the squares, over all records about their means, of what one effect adds to the others."""

@@ -93,7 +93,7 @@ def likelihood_of(runs: Sequence[ModelledRun], base_may_be_off: bool = False, op
     if not base_may_be_off:
         return likelihood
     likelihood = likelihood.missing(lambda run: run.coefficients(base_columns(run.modelled, open_plays)))
-    return replace(likelihood, base_may_be_off=True).missing_beyond()
+    return replace(likelihood, may_be_off_beyond=True).missing_beyond()
 
 
 def search_sets(likelihood: Likelihood, effects: Sequence[Effect], on_progress: Callable[[float], None]) -> Contest:
@@ -228,12 +228,22 @@ def _last_contest(likelihood: Likelihood, pool: Mapping[Names, Fit], catalogue_s
             if rest not in known:  # a set that grew in one way may have missed what another way leads to
                 known.append(rest)
             starts = {**{names: [entries] for names, entries in _exchanged(pool, best, i).items()}, **starts}
-        among = likelihood.with_misfit_of(best)
+        among = _beyond_beside(likelihood.with_misfit_of(best), contest)
         fits = {names: among.fit(_likeliest(among, several)) for names, several in starts.items()}
         contest = Contest(among, fits, catalogue_size)
         starts = {names: [fit.entries] for names, fit in fits.items()}
         best = max(contest.fits.values(), key=lambda fit: contest.log_posterior(fit.names)).entries
     return contest
+
+
+def _beyond_beside(likelihood: Likelihood, contest: Contest) -> Likelihood:
+    """The same, where the base may be off beyond its voltages at those to which the likeliest set moves the stage that
+    has an effect with a past like a voltage; of sets without one the voltages are those of the records."""
+    moving = [fit for fit in contest.fits.values() if any(stands_off(effect) for effect, _ in fit.entries)]
+    if not moving:
+        return likelihood
+    likeliest = max(moving, key=lambda fit: contest.log_posterior(fit.names))
+    return likelihood.missing_beyond(likeliest.entries, likeliest.terms.stood)
 
 
 def _likeliest(likelihood: Likelihood, starts: Sequence[tuple[SizedEffect, ...]]) -> tuple[SizedEffect, ...]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from phaselead.identify.operator.creep import Creep
 from phaselead.identify.operator.fitting import fit_linear, fit_operator, place_operator
-from phaselead.identify.operator.regressors import Turns, play_thresholds
+from phaselead.identify.operator.regressors import Turns, fitted_span_V, play_thresholds
 from phaselead.identify.operator.result import OperatorFit, amounts_before, apart_from, effective_rows
 from phaselead.identify.operator.solution import PART_PAYS
 from phaselead.identify.operator.starting_memories import starting_memory, way_before
@@ -24,6 +24,7 @@ __all__ = [
     "fit_linear",
     "fit_operator",
     "fit_plays",
+    "fitted_span_V",
     "place_operator",
     "play_thresholds",
     "starting_memory",

@@ -15,8 +15,8 @@ from phaselead.identify.operator.choosing import FINEST, choose_basis
 from phaselead.identify.operator.leaving_out import folds_of
 from phaselead.identify.operator.likeliest import likeliest_slopes
 from phaselead.identify.operator.placing import fewest_knots, paired_plays
-from phaselead.identify.operator.records import Records, known_rest, searched_from, span_of, thinned
-from phaselead.identify.operator.regressors import Basis, ringing_s
+from phaselead.identify.operator.records import Records, known_rest, searched_from, thinned
+from phaselead.identify.operator.regressors import Basis, fitted_span_V, ringing_s
 from phaselead.identify.operator.result import Choice, OperatorFit, RecordResidual, effective_rows, standard_errors
 from phaselead.identify.operator.session import SEARCH_ROWS, as_known, from_their_memories, told_behind_modes
 from phaselead.identify.operator.solution import PART_PAYS, Solution, centred, moments, strayed
@@ -52,7 +52,7 @@ def fit_operator(runs: Sequence[AxisRun], modes: tuple[Mode, ...] = (), lag_s: f
     what else the measured response lags. Raises BadInput for data that determine nothing.
     """
     fits = thinned(runs, SEARCH_ROWS, ringing_s=ringing_s(modes))
-    records = Records(runs, fits, span_of(runs, ringing_s(modes)), lag_s=lag_s)
+    records = Records(runs, fits, fitted_span_V(runs, ringing_s(modes)), lag_s=lag_s)
     even, of_even, messages = from_their_memories(records, modes)
     records, found = even, of_even
     basis, choices = choose_basis(records, found)
@@ -189,12 +189,12 @@ def fit_linear(runs: Sequence[AxisRun], modes: tuple[Mode, ...] = (), lag_s: flo
     With a ``lag_s`` the gain is that of slow motion: lag, and the ``modes`` that pay, are fitted beside it.
     """
     fits = thinned(runs, MOST_ROWS if lag_s is None else SEARCH_ROWS, ringing_s=ringing_s(modes))
-    records = Records(runs, fits, span_of(runs, ringing_s(modes)), lag_s=lag_s or 0.0)
+    records = Records(runs, fits, fitted_span_V(runs, ringing_s(modes)), lag_s=lag_s or 0.0)
     basis = records.basis(0, 1)
     if lag_s is None:
         return _result(records, records.at(basis, 0.0, 0.0), (), ())
     found = _paying(records, Solution(basis, lag_s, 0.0, np.zeros(1), 0.0, 0.0, modes), modes)
-    full = replace(records, fits=thinned(runs, MOST_ROWS))
+    full = replace(records, fits=thinned(runs, MOST_ROWS), span_V=fitted_span_V(runs))
     return _result(full, replace(found, delay_s=0.0, rest_fraction=0.0, modes=()), (), ())
 
 

@@ -15,7 +15,6 @@ from phaselead.identify.operator.regressors import (
     FitRun,
     Turns,
     nested_basis,
-    rows_that_count,
     rows_to_fit,
 )
 from phaselead.identify.operator.solution import REST_STEP, Solution, best_operator, best_slopes
@@ -42,7 +41,7 @@ class Records:
     """Of the measured response, where that is known: the delay may be twice as long, however short the periods."""
     tilt: float = 0.0
     taper: float = 0.0
-    """How much more plays weigh at the top of all their voltages, and how much less at both ends."""
+    """How much more plays weigh at the top of these voltages, and how much less at both ends."""
     beside_fading: bool = False
     """Whether plays stand beside fading ones, in every basis that does not say so itself: only while it is searched how
     uneven the operator is."""
@@ -95,12 +94,6 @@ class Records:
         """The best operator of a basis and the best modes behind it, from there on."""
         start = (delay_s, rest_fraction)
         return best_operator(self.fits, basis, self.longest_delay_s, self.offset_weight, start, modes, whole=whole)
-
-
-def span_of(runs: Sequence[AxisRun], ringing_s: float) -> tuple[float, float]:
-    """The lowest and the highest voltage of the rows that count."""
-    each = [run.u_V[rows_that_count(run, ringing_s)] for run in runs]
-    return min(float(u.min()) for u in each), max(float(u.max()) for u in each)
 
 
 def thinned(

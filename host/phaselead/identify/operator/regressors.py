@@ -327,7 +327,9 @@ def rows_to_fit(run: AxisRun, most_rows: int, first_group: int, n_groups: int, *
     """Thin the rows of ``run`` that count to about ``most_rows``, in ``n_groups`` stretches of time."""
     start, stop, _ = run.scored.indices(len(run.u_V))
     rows = np.arange(start, stop, max(1, (stop - start) // most_rows))
-    rows = rows[rows_that_count(run, ringing_s)[rows]]
+    counted = rows[rows_that_count(run, ringing_s)[rows]]
+    if len(counted) > len(rows) // 2:  # of quick jumps thinning may keep those rows alone that do not count
+        rows = counted
     groups = first_group + np.arange(len(rows)) * n_groups // len(rows)
     weight = 1.0 / (np.ptp(run.x_um[rows]) ** 2 * len(rows))
     return FitRun(run, rows.astype(np.uintp), groups, float(weight))
@@ -344,6 +346,12 @@ def rows_that_count(run: AxisRun, ringing_s: float) -> NDArray[np.bool_]:
     else:
         calm = scored if run.begins_at_0_V else scored & (np.arange(len(scored)) >= round(ringing_s / run.step_s))
     return calm if calm.sum() > scored.sum() // 2 else scored
+
+
+def fitted_span_V(runs: Sequence[AxisRun], ringing_s: float = 0.0) -> tuple[float, float]:
+    """The lowest and the highest voltage of the rows that count."""
+    each = [run.u_V[rows_that_count(run, ringing_s)] for run in runs]
+    return min(float(u.min()) for u in each), max(float(u.max()) for u in each)
 
 
 def _after_jump(run: AxisRun) -> NDArray[np.bool_]:

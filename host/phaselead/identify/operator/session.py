@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from phaselead.identify.operator.choosing import choose_basis
-from phaselead.identify.operator.records import Records, first_delay_s, known_rest, searched_from, span_of, thinned
-from phaselead.identify.operator.regressors import FitRun, Turns, ringing_s
+from phaselead.identify.operator.records import Records, first_delay_s, known_rest, searched_from, thinned
+from phaselead.identify.operator.regressors import FitRun, Turns, fitted_span_V, ringing_s
 from phaselead.identify.operator.result import OperatorFit
 from phaselead.identify.operator.solution import DRIFT, EXACT, LEAST_OFFSET_WEIGHT, Solution, weight_of_offsets
 from phaselead.identify.operator.starting_memories import (
@@ -199,9 +199,12 @@ def as_known(runs: Sequence[AxisRun], known: OperatorFit, modes: tuple[Mode, ...
     """The records with the memories, the weight of offsets, the field and the lag of a fit."""
     memories = [record.turned_V for record in known.records]
     fits = thinned(runs, SEARCH_ROWS, ringing_s=ringing_s(modes), memories=memories)
-    records = Records(runs, fits, span_of(runs, ringing_s(modes)), weight_known(known))
-    records = records.in_field(known.view.field_bend).behind_a_lag(known.lag_s)
-    return records.weighing(known.view.play_tilt, known.view.play_taper)
+    view = known.view
+    # A bend of the field, and how plays weigh, are told over the voltages of that fit.
+    uneven = view.field_bend or view.play_tilt or view.play_taper
+    span_V = view.u_range_V if uneven else fitted_span_V(runs, ringing_s(modes))
+    records = Records(runs, fits, span_V, weight_known(known))
+    return records.in_field(view.field_bend).behind_a_lag(known.lag_s).weighing(view.play_tilt, view.play_taper)
 
 
 def told_behind_modes(records: Records, found: Solution, known: OperatorFit) -> tuple[Records, Solution, Sequence[str]]:

@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from phaselead.identify.operator.regressors import FEWEST_ROWS, FitRun, Turns, nested_basis, rows_to_fit
+from phaselead.identify.operator.regressors import FEWEST_ROWS, FitRun, Turns, fitted_span_V, nested_basis, rows_to_fit
 from phaselead.identify.operator.solution import Solution, best_slopes
 from phaselead.identify.operator.starting_memories import starting_memory
 from phaselead.identify.runs import AxisRun, sensor_counts_backwards, turned
@@ -40,8 +40,7 @@ def fit_plays(runs: Sequence[AxisRun], delay_s: float = 0.0) -> TimeView:
 
 
 def _fit_rising(runs: Sequence[AxisRun], delay_s: float) -> TimeView:
-    low = min(float(r.u_V[r.scored].min()) for r in runs)
-    high = max(float(r.u_V[r.scored].max()) for r in runs)
+    low, high = fitted_span_V(runs)
     swing = max(float(np.ptp(r.u_V[r.scored])) for r in runs)
     basis = nested_basis(swing, low, high, SYMMETRIC_PLAYS, 1)
     fits = [_thinned(run, max(FEWEST_ROWS, MOST_PLAY_ROWS // len(runs)), i) for i, run in enumerate(runs)]
