@@ -118,9 +118,12 @@ class Weighed:
     def fit(self, entries):
         names = tuple(sorted(effect.name for effect, _ in entries))
         return SimpleNamespace(
-            entries=tuple(entries), names=names, log_evidence=self.evidence.get(names, 0.0), levels=lambda held_out: 0.0,
+            entries=tuple(entries),
+            names=names,
+            log_evidence=self.evidence.get(names, 0.0),
+            levels=lambda held_out: 0.0,
             terms=SimpleNamespace(stood=()),
-        )  # fmt: skip
+        )
 
     def missing_beyond(self, entries, stood):
         return self
