@@ -50,6 +50,8 @@ def test_what_every_withdrawn_claim_was_for_is_still_there(monkeypatch):
     found = run.run_gap(fit(reference)[0], train, holdout, reference, without=without)
     assert found.verdicts == ("unknown",)
     assert not found.effects
+    (said,) = (line for line in found.messages if "no effect of the catalogue is sure to be it" in line)
+    assert "nearest by the odds: delay" in said
 
 
 @pytest.mark.parametrize("end", [False, True])

@@ -162,7 +162,7 @@ def search_axis(
         spectra=other.spectra,
         messages=[
             *vouched.messages,
-            *([_something_more(taken)] if selection.something_unnamed else []),
+            *([_something_more(selection, taken)] if selection.something_unnamed else []),
             *left.messages,
             *other.messages,
             *_still_under_way(final, final.gap if other.drift_um_per_s else final.without_history().gap),
@@ -174,10 +174,14 @@ def search_axis(
     )
 
 
-def _something_more(names: AbstractSet[str]) -> str:
+def _something_more(selection: Selection, names: AbstractSet[str]) -> str:
     """What to say where the odds are for one effect more than those that are claimed, and for no name."""
     beside = f"beside {' and '.join(sorted(names))} " if names else ""
-    return f"{beside}the records show something more than chance, and no effect of the catalogue is sure to be it"
+    near = [name for name in selection.likeliest if name not in names]
+    nearest = f"; nearest by the odds: {', '.join(near)}" if near else ""
+    return (
+        f"{beside}the records show something more than chance, and no effect of the catalogue is sure to be it{nearest}"
+    )
 
 
 def _still_under_way(final: FinalFit, clean: GapSize) -> list[str]:

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 from phaselead.gap.error_rates import INSIDE
 from phaselead.gap.findings import NAMED, WITHDRAWN, Candidate, Estimate, Posterior
 from phaselead.gap.parameters import SizedEffect
-from phaselead.gap.posterior import MORE_LIKELY_THAN_NOT, Claim, Contest
+from phaselead.gap.posterior import MORE_LIKELY_THAN_NOT, MOST_TIED, Claim, Contest
 from phaselead.gap.records import Role
 from phaselead.gap.residual import ModelledRun
 from phaselead.model import AxisModel, Effect
@@ -67,6 +67,12 @@ class Selection:
     def is_without(self, name: str) -> bool:
         """Whether an effect was looked for and is probably not there."""
         return name in self.contest.names and self.probability.get(name, 0.0) <= 1 - INSIDE
+
+    @property
+    def likeliest(self) -> list[str]:
+        """Names of the effects that may be there, the most probable first, as many as a tie may hold."""
+        may_be = [name for name in self.probability if not self.is_without(name)]
+        return sorted(may_be, key=lambda name: -self.probability[name])[:MOST_TIED]
 
     def is_likely(self, name: str) -> bool:
         """Whether an effect is more likely there than not."""

@@ -14,7 +14,7 @@ from phaselead.gap.posterior.priors import KNOWN_BEFORE
 from phaselead.gap.posterior.search import Contest, at_an_end, likelihood_of, search_sets
 from phaselead.gap.posterior.sets import Fit, confused, goes_on_between_records, names_of
 from phaselead.gap.posterior.starts import Starts
-from phaselead.gap.posterior.verdict import MORE_LIKELY_THAN_NOT, Claim, Judgement, judge
+from phaselead.gap.posterior.verdict import MORE_LIKELY_THAN_NOT, MOST_TIED, Claim, Judgement, judge
 
 __all__ = [
     "KNOWN_BEFORE",
@@ -22,6 +22,7 @@ __all__ = [
     "MORE_LIKELY_THAN_NOT",
     "MOST_MISSED",
     "MOST_STATED",
+    "MOST_TIED",
     "TIMES_BASE",
     "Claim",
     "Contest",
