@@ -18,7 +18,7 @@ from phaselead.identify import amounts_before
 from phaselead.model import Effect, Entry, Params, Place, Signal
 from phaselead.record import Samples
 
-STANDING = 3
+STANDING = 8
 """How often what stood off before a record is found beside itself: a budget of time."""
 SMALL_AMOUNT = 0.05
 """A change of what had stood off, in its prior deviations: little beside the thresholds of larger plays."""
@@ -48,8 +48,7 @@ def _standing_off(effect: Effect, params: Params, amounts: tuple[float, ...]) ->
     assert before is not None
 
     def apply(signal: Signal, _: Params) -> Samples:
-        since_s = np.maximum(signal.t_s - signal.t_s[1], 0.0)
-        return np.asarray(signal.value + before(since_s, params, signal.axis) @ np.array(amounts))
+        return np.asarray(signal.value + before(signal.since_s, params, signal.axis) @ np.array(amounts))
 
     given: Params = {**params, "amounts": amounts}
     return replace(

@@ -25,8 +25,9 @@ def apply(signal: Signal, params: Params) -> Samples:
     rate_per_s = number(params, "rate_per_s")
     if rate_per_s <= 0:
         return signal.value
-    # What stood on the actuator in the first row is taken as it is, not as leaked away.
-    return signal.value - relaxed(signal.value - signal.value[0], 1 / rate_per_s, signal.step_s)
+    # What stood on the actuator in the first row is all still there then, and leaks from there on.
+    stood_V = signal.value[0] * -np.expm1(-rate_per_s * signal.since_s)
+    return signal.value - relaxed(signal.value - signal.value[0], 1 / rate_per_s, signal.step_s) - stood_V
 
 
 def before_record(since_s: Samples, params: Params, axis: AxisModel) -> Samples:

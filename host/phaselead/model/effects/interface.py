@@ -103,6 +103,11 @@ class Signal:
         return float(self.t_s[-1] - self.t_s[0]) / (len(self.t_s) - 1) if len(self.t_s) > 1 else 1.0
 
     @property
+    def since_s(self) -> Samples:
+        """Times since the record began, 0 in the row in front of it."""
+        return np.maximum(self.t_s - self.t_s[min(1, len(self.t_s) - 1)], 0.0)
+
+    @property
     def driven_V(self) -> Samples:
         """The voltage at the hysteresis."""
         return self.u_V if self.drive_V is None else self.drive_V
