@@ -183,7 +183,7 @@ def test_the_base_misses_its_share_of_what_had_leaked_before_too():
     assert (more[..., at_rest] > 0).all()
     powers = []
     for run, had in zip(likelihood.runs, stood, strict=True):
-        answers = [run.simulates.answer(one) for one in (with_stood(entries, had) if had else entries, entries)]
+        answers = [run.modelled.answer(one) for one in (with_stood(entries, had) if had else entries, entries)]
         powers.append(run.spread(run.power(answers[0] - answers[1])))
     expected = np.array(TIMES_BASE)[:, None] ** 2 * likelihood.base_share * np.concatenate(powers)
     counts = ~likelihood._is_level
@@ -196,7 +196,7 @@ def test_what_may_be_missed_beyond_makes_no_set_less_likely():
     """All that it looks like a leak had nothing at all settle at amounts of ten deviations, far below none of them."""
     _, runs = leaking()
     entries = [(LEAK, {"rate_per_s": 0.05})]
-    before = likelihood_of(runs, base_may_be_off=True).begun_beside(entries[0])
+    before = likelihood_of(runs, base_may_be_off=True)
     after = before.missing_beyond(entries, before.fitted_terms(entries, steps=0)[0].stood)
     for some in ((), entries):
         less, more = (of.log_joint(of.terms(some), [0.02]).item() for of in (before, after))

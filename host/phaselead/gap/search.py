@@ -109,9 +109,9 @@ def _estimated(contest: Contest, judgement: Judgement, open_plays: bool) -> tupl
     everything, learned = contest.likelihood, contest.likelihood.without_held_out()
 
     def best_of(fit: Fit) -> tuple[SizedEffect, ...]:
-        train = [run for run in everything.runs_of(fit.entries) if run.modelled.run.role == "train"]
+        train = [run for run in everything.runs if run.modelled.run.role == "train"]
         levelled = [run.levelled for run in train]
-        return best_predicting(fit.entries, fit.covariance, [run.simulates for run in train], levelled)
+        return best_predicting(fit.entries, fit.covariance, [run.modelled for run in train], levelled)
 
     while claims:
         entries = tuple(

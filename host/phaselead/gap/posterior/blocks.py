@@ -9,7 +9,7 @@ zero of a session is anywhere, but from record to record it says how the zero mo
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import pairwise
 
@@ -18,9 +18,9 @@ from numpy.typing import NDArray
 from scipy.fft import dct, next_fast_len
 
 from phaselead.gap.parameters import SizedEffect, fresh_columns, parameters_of
-from phaselead.gap.posterior.before import Stood, amounts_stood, before_record, from_its_memory, left_um2, with_stood
+from phaselead.gap.posterior.before import Stood, amounts_stood, before_record, with_stood
 from phaselead.gap.records import GapRun, roles_at_one_time
-from phaselead.gap.residual import FADING_MEMORY, ModelledRun, base_entries
+from phaselead.gap.residual import ModelledRun, base_entries
 from phaselead.record import Samples
 
 FALLS_BY = 4.0
@@ -31,10 +31,6 @@ CARRIED_OVER_s = 0.005
 sensors and buses have ended by then."""
 REMEMBERED = 128
 """Columns of a record that are kept, those of the sets of effects that were asked for last."""
-
-CLEARLY_LESS = FADING_MEMORY
-"""Of the variance of a record, what another memory leaves at most beside a set of effects than beside the base: what is
-missing may look like one in part."""
 FEWEST_LEVELS = 3
 """Driven reference records from which it can be told how their levels scatter."""
 OF_LEVEL = -99
@@ -81,25 +77,8 @@ class BlockedRun:
     """Deviation of what the base leaves: how surely a record tells where its plays stood."""
     levelled: bool = False
     """Whether its level says something: then it is the first block."""
-    begun: ModelledRun | None = None
-    """The same run from the memory that suits it beside the effects that are simulated; None is that of the base. What
-    counts of it stays the same: all sets are judged on the same data."""
     _known: dict[tuple[object, ...], Simulated] = field(default_factory=dict, compare=False)
     """What was simulated last, by effects and parameters."""
-
-    @property
-    def simulates(self) -> ModelledRun:
-        """What effects act in."""
-        return self.modelled if self.begun is None else self.begun
-
-    def begun_beside(self, entries: Sequence[SizedEffect]) -> BlockedRun:
-        """The same from the memory that suits it beside some effects, where that leaves much less."""
-        if not self.changed:
-            return self
-        found = from_its_memory(self.modelled, entries)
-        if left_um2(found, entries) >= CLEARLY_LESS * left_um2(self.modelled, entries):
-            return self
-        return replace(self, begun=found, _known={})
 
     @property
     def skipped(self) -> int:
@@ -229,7 +208,7 @@ class BlockedRun:
         """Coefficients (n, 1) of what is left beside some effects and what had stood off."""
         if not self.changed:
             return self.base_error
-        return self.coefficients(self.simulates.error(with_stood(entries, stood))[:, None])
+        return self.coefficients(self.modelled.error(with_stood(entries, stood))[:, None])
 
     def _simulated(self, entries: tuple[SizedEffect, ...], stood: Stood) -> Simulated:
         if not self.changed:
@@ -237,21 +216,21 @@ class BlockedRun:
             return Simulated(self.base_error, 0, np.tile(none, (len(entries), 1)), np.zeros(len(entries)), (), none)
 
         def answer_of(some: Sequence[SizedEffect]) -> Samples:
-            return self.simulates.answer(with_stood(some, stood))
+            return self.modelled.answer(with_stood(some, stood))
 
         answer, e, p = answer_of(entries), len(entries), len(parameters_of(entries))
         # What had stood off is no part of what an effect adds: as an amount it is known apart.
         others = [with_stood([*entries[:i], *entries[i + 1 :]], stood, entries) for i in range(e)]
-        added = [answer - self.simulates.answer(some) for some in others]
+        added = [answer - self.modelled.answer(some) for some in others]
         fresh = fresh_columns(self.modelled.run, answer_of, entries)
-        before = before_record(self.simulates, entries, entries, stood)
+        before = before_record(self.modelled, entries, entries, stood)
         of = tuple(i for i, part in enumerate(before) for _ in range(part.shape[1]))
         # All that had stood off is an amount of its columns, not only what differs from that beside which they are.
         there = np.concatenate([np.zeros((len(answer), 0)), *before], axis=1) @ amounts_stood(entries, of, stood)
         each = [np.array(added).reshape(e, len(answer)), fresh.T[:-1], *(one.T for one in before), fresh.T[-1:] + there]
         columns = self.coefficients(np.concatenate(each).T)
         squares = np.add.reduceat(columns[:, :e] ** 2, self.edges[:-1], axis=0).T
-        stands = answer - self.simulates.answer(entries) if there.any() else np.zeros(len(answer))
+        stands = answer - self.modelled.answer(entries) if there.any() else np.zeros(len(answer))
         moved = self.spread(self.power(stands))
         return Simulated(columns[:, e:].copy(order="K"), p, squares / self.sizes, columns[0, :e].copy(), of, moved)
 

@@ -6,8 +6,8 @@ shared by all sets, so that their evidences can be compared.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import pairwise
 
@@ -56,8 +56,6 @@ class Likelihood(Density):
     """Whether the base may be off beyond the voltages that it was fitted to."""
     beyond: MakeColumns | None = None
     """What makes the columns of that."""
-    begun: Mapping[str, tuple[BlockedRun, ...]] = field(default_factory=dict)
-    """By effect that stands off as a voltage, the runs from the memories that suit them beside it."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -86,8 +84,8 @@ class Likelihood(Density):
         if not self.may_be_off_beyond:
             return self
         stood = tuple(stood) or ({},) * len(self.runs)
-        each = zip(self.runs, self.runs_of(entries), stood, strict=True)
-        acting = [(in_it.simulates, with_stood(entries, had) if run.changed else []) for run, in_it, had in each]
+        each = zip(self.runs, stood, strict=True)
+        acting = [(run.modelled, with_stood(entries, had) if run.changed else []) for run, had in each]
         span, mine = span_of_fields(acting), list(zip(self.runs, acting, strict=True))
 
         def beyond(run: BlockedRun) -> Samples:
@@ -117,17 +115,8 @@ class Likelihood(Density):
     def without_held_out(self) -> Likelihood:
         """Of the other records alone: what is fitted to them may be judged on the held-out ones."""
         kept = [i for i, run in enumerate(self.runs) if run.modelled.run.role != "holdout"]
-        begun = {name: tuple(runs[i] for i in kept) for name, runs in self.begun.items()}
         shared = tuple(self.shared[i] for i in kept)
-        return replace(self, runs=tuple(self.runs[i] for i in kept), shared=shared, begun=begun)
-
-    def begun_beside(self, entry: SizedEffect) -> Likelihood:
-        """The same, where sets with this effect act in records that begin as suits them beside it."""
-        return replace(self, begun={**self.begun, entry[0].name: tuple(r.begun_beside([entry]) for r in self.runs)})
-
-    def runs_of(self, entries: Sequence[SizedEffect]) -> tuple[BlockedRun, ...]:
-        """The runs in which a set of effects acts, from the memories that suit it."""
-        return next((self.begun[effect.name] for effect, _ in entries if effect.name in self.begun), self.runs)
+        return replace(self, runs=tuple(self.runs[i] for i in kept), shared=shared)
 
     def with_misfit_of(self, entries: Sequence[SizedEffect]) -> Likelihood:
         """The same, where what the equations of some effects miss may look like the known ones that they are confused
@@ -146,7 +135,7 @@ class Likelihood(Density):
 
     def _size_um(self, entries: Sequence[SizedEffect], index: int) -> float:
         """Root of the squares, over all records about their means, of what one effect adds to the others."""
-        added = self._added_um2([run.simulated(entries) for run in self.runs_of(entries)])[index]
+        added = self._added_um2([run.simulated(entries) for run in self.runs])[index]
         return float(np.sqrt(added @ np.where(self._is_level, 0, self._sizes)))
 
     def _added_um2(self, found: Sequence[Simulated]) -> Samples:
@@ -165,7 +154,7 @@ class Likelihood(Density):
         """A set of effects at its parameters. ``moving`` (runs, b): 1 for what still goes on in a record of what had
         been done before, by default all. ``stood``: by run what had stood off as a voltage, by default nothing."""
         stood = tuple(stood) or ({},) * len(self.runs)
-        found = [run.simulated(entries, of_run) for run, of_run in zip(self.runs_of(entries), stood, strict=True)]
+        found = [run.simulated(entries, of_run) for run, of_run in zip(self.runs, stood, strict=True)]
         of_effects = self._added_um2(found)
         material = of_effects[is_of_material(entries)].sum(axis=0)
         moved_before = np.concatenate([one.moved_before for one in found])
@@ -176,7 +165,7 @@ class Likelihood(Density):
 
     def simulated(self, terms: Terms) -> list[Simulated]:
         """What a set of effects does in each run."""
-        runs = self.runs_of(terms.entries)
+        runs = self.runs
         return [run.simulated(terms.entries, stood) for run, stood in zip(runs, terms.stood, strict=True)]
 
     def _moments(self, found: Sequence[Simulated]) -> Moments:
@@ -209,7 +198,7 @@ class Likelihood(Density):
         there = [one.before @ amounts_stood(entries, one.of_effects, stood)[:, None]
                  for one, stood in zip(found, terms.stood, strict=True)]  # fmt: skip
         each = [run.error(entries, stood) + more
-                for run, stood, more in zip(self.runs_of(entries), terms.stood, there, strict=True)]  # fmt: skip
+                for run, stood, more in zip(self.runs, terms.stood, there, strict=True)]  # fmt: skip
         lefts = with_levels_about_their_sessions(self.runs, each)
         parts = zip(self.runs, self.shared, found, lefts, pairwise(self._blocks), strict=True)
         for run, shared, one, left, (a, b) in parts:

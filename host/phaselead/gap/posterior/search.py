@@ -17,7 +17,7 @@ from phaselead.gap.posterior.detectable import detectable
 from phaselead.gap.posterior.expected import expected_of
 from phaselead.gap.posterior.levels import in_no_session, zeros_of_sessions
 from phaselead.gap.posterior.likelihood import Likelihood
-from phaselead.gap.posterior.priors import SIZES, log_prior_of_set
+from phaselead.gap.posterior.priors import log_prior_of_set
 from phaselead.gap.posterior.sets import Fit, Names, confused, has_history, names_of
 from phaselead.gap.posterior.starts import Start, Starts
 from phaselead.gap.residual import ModelledRun
@@ -105,7 +105,6 @@ def search_sets(likelihood: Likelihood, effects: Sequence[Effect], on_progress: 
     needed = log_prior_of_set(0, len(effects)) - log_prior_of_set(1, len(effects)) + np.log(SURE / (1 - SURE))
     least = detectable(likelihood, starts.shapes, needed)
     on_progress(0.3)
-    likelihood, alone = _begun_beside_each(likelihood, nothing, alone)
     likelihood = likelihood.knowing([fit.entries[0] for fit in alone])
     nothing, alone = likelihood.fit(()), [likelihood.fit(fit.entries) for fit in alone]
     starts = starts.of(likelihood)
@@ -121,28 +120,6 @@ def search_sets(likelihood: Likelihood, effects: Sequence[Effect], on_progress: 
         frontier = _better(contest, grown, max((contest.log_posterior(fit.names) for fit in frontier), default=0.0))
     exchange(starts, pool)
     return replace(_last_contest(likelihood, pool, len(effects)), detectable=least, starts=starts)
-
-
-def _begun_beside_each(likelihood: Likelihood, nothing: Fit, alone: Sequence[Fit]) -> tuple[Likelihood, list[Fit]]:
-    """The same, where sets with an effect that had stood off as a voltage, and that explains something, begin as suits
-    the records beside it, and these fits then. Where records began goes with its size: each of the usual sizes is tried
-    too."""
-    found = list(alone)
-    for i, fit in enumerate(alone):
-        ((effect, params),) = fit.entries
-        if not stands_off(effect) or fit.log_evidence <= nothing.log_evidence:
-            continue
-        usual = [{p.name: times * p.typical for p in effect.sizes} for times in SIZES]
-        tried = [_begun_beside(likelihood, (effect, {**params, **sizes})) for sizes in ({}, *usual)]
-        likelihood, best = max(tried, key=lambda pair: pair[1].log_evidence)
-        likelihood, found[i] = _begun_beside(likelihood, best.entries[0])  # by what it came to
-    return likelihood, found
-
-
-def _begun_beside(likelihood: Likelihood, entry: SizedEffect) -> tuple[Likelihood, Fit]:
-    """The likelihood of records that begin as suits them beside an effect near this one, and the effect fitted then."""
-    likelihood = likelihood.begun_beside(likelihood.fit([entry]).entries[0])
-    return likelihood, likelihood.fit([entry])
 
 
 def _better(contest: Contest, fits: Sequence[Fit], than: float) -> list[Fit]:

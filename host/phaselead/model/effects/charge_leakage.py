@@ -27,7 +27,7 @@ def apply(signal: Signal, params: Params) -> Samples:
         return signal.value
     # What stood on the actuator in the first row is all still there then, and leaks from there on.
     stood_V = signal.value[0] * -np.expm1(-rate_per_s * signal.since_s)
-    return signal.value - relaxed(signal.value - signal.value[0], 1 / rate_per_s, signal.step_s) - stood_V
+    return np.asarray(signal.value - relaxed(signal.value - signal.value[0], 1 / rate_per_s, signal.step_s) - stood_V)
 
 
 def before_record(since_s: Samples, params: Params, axis: AxisModel) -> Samples:
@@ -54,7 +54,7 @@ EFFECT = Effect(
     title="Charge leakage",
     place=Place.AMPLIFIER,
     order=3,
-    equation="v = u s / (s + rate_per_s),  rate_per_s = 1 / (R C)",
+    equation="v = u s / (s + rate_per_s),  rate_per_s = 1 / (R C);  v = u where a record begins",
     source="Fleming and Moheimani 2005 (charge drives lose their low frequencies); Clayton, Tien, Fleming, Moheimani "
     "and Devasia 2008 (inverse feed-forward of charge-controlled positioners)",
     parameters=(
