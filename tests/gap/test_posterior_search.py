@@ -115,7 +115,7 @@ class Weighed:
 
     with_misfit_of = knowing
 
-    def fit(self, entries):
+    def fit(self, entries, stood=()):
         names = tuple(sorted(effect.name for effect, _ in entries))
         return SimpleNamespace(
             entries=tuple(entries),
@@ -128,7 +128,7 @@ class Weighed:
     def missing_beyond(self, entries, stood):
         return self
 
-    def fitted_terms(self, entries, steps):
+    def fitted_terms(self, entries, steps, stood):
         assert steps == 0
         return None, 0.1, self.fit(entries).log_evidence
 
@@ -154,7 +154,7 @@ def test_the_winner_less_one_effect_is_fitted_from_where_the_winner_stands_too()
     leak = slow[0].name
 
     class Stuck(Weighed):
-        def fit(self, entries):
+        def fit(self, entries, stood=()):
             found = super().fit(entries)
             found.log_evidence += 10.0 * any(params.get("rate_per_s") == 0.05 for _, params in entries)
             return found

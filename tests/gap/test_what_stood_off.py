@@ -75,6 +75,8 @@ def test_a_leak_of_many_times_the_typical_rate_is_named_alone(rate_per_s):
     _, _, (low, high) = found.effects[0].params["rate_per_s"]
     assert low <= rate_per_s <= high
     assert any("still had under way" in line for line in found.messages)
+    (said,) = (line for line in found.doubts if "moves the voltage at the ceramic over" in line)
+    assert "beyond that it is a guess" in said
 
 
 @cache

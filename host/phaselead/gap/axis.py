@@ -36,7 +36,7 @@ from phaselead.gap.locate import rank_cells
 from phaselead.gap.posterior import Claim, goes_on_between_records, levels_say
 from phaselead.gap.provisional import nearest_that_pays
 from phaselead.gap.records import GapRun
-from phaselead.gap.scale import FarAbove, far_above_known, unlike_others
+from phaselead.gap.scale import FarAbove, far_above_known, led_beyond_fit, unlike_others
 from phaselead.gap.search import Progress, select_effects
 from phaselead.gap.selection import Selection
 from phaselead.gap.unexplained import WORTH_SHARE, Unexplained, unexplained
@@ -170,7 +170,7 @@ def search_axis(
         adopted=kept,
         detectable=_detectable(selection, candidates),
         unexplained=left.unexplained,
-        doubts=unlike,
+        doubts=[*unlike, *led_beyond_fit(vouched.selection)],
     )
 
 

@@ -10,11 +10,12 @@ from scipy.signal import detrend
 
 from phaselead.errors import BadInput, more_like_it
 from phaselead.gap.goodness_of_fit import FinalFit
-from phaselead.gap.posterior import TIMES_BASE
+from phaselead.gap.posterior import TIMES_BASE, names_of, stands_off
 from phaselead.gap.records import GapRun, Role
 from phaselead.gap.residual import RunResidual, modelled_run
+from phaselead.gap.selection import Selection
 from phaselead.identify import fitted_span_V
-from phaselead.model import AxisModel, Stage, out_of_scale, range_um, scale_doubt
+from phaselead.model import AxisModel, Place, Stage, out_of_scale, range_um, scale_doubt
 from phaselead.quantity import digits
 from phaselead.record import Samples, factors_moved, in_another_unit, seem_exchanged, slow_gain, unit_remedy
 
@@ -89,19 +90,45 @@ def range_doubts(stage: Stage, driven: Compared) -> tuple[str, ...]:
     return tuple(line for axis, of_axis in driven.items() for line in _beyond_fit(axis, stage.axes[axis], of_axis))
 
 
-def _beyond_fit(axis: str, model: AxisModel, driven: Sequence[Moved]) -> list[str]:
+def led_beyond_fit(selection: Selection) -> list[str]:
+    """One line where the effects that were found move the voltage at the ceramic beyond those that the model was fitted
+    to, by what they do in the records and had done before."""
+    fit = selection.contest.fits.get(names_of(selection.entries))
+    names = [] if fit is None else [effect.name for effect, _ in fit.entries if stands_off(effect)]
+    if fit is None or not names:
+        return []
+    acting = selection.contest.likelihood.acting(fit.entries, fit.terms.stood)
+    at_ceramic = [modelled.chain.signal_at(Place.AMPLIFIER, extra).value for modelled, extra in acting]
+    least_V, most_V = min(float(v.min()) for v in at_ceramic), max(float(v.max()) for v in at_ceramic)
+    beyond = _beyond_range(selection.base, least_V, most_V)
+    if beyond is None:
+        return []
+    return [
+        f"{' and '.join(names)} moves the voltage at the ceramic over {digits(least_V, 3)} to {digits(most_V, 3)} V, "
+        f"{beyond}; give reference records that go as far, or records that stay within"
+    ]
+
+
+def _beyond_range(model: AxisModel, least_V: float, most_V: float) -> str | None:
+    """What to say of voltages that are beyond those that a model was fitted to, None of others."""
     assert model.time is not None
     low, high = model.time.u_range_V
     within = UNFITTED * (high - low)
+    if low - within <= least_V and most_V <= high + within:
+        return None
+    return f"and the model was fitted from {digits(low, 3)} to {digits(high, 3)} V: beyond that it is a guess"
+
+
+def _beyond_fit(axis: str, model: AxisModel, driven: Sequence[Moved]) -> list[str]:
     spans = [(run, *fitted_span_V([run.as_fitted])) for run, _, _ in driven]
-    far = [one for one in spans if one[1] < low - within or one[2] > high + within]
+    told = [(run, least_V, most_V, _beyond_range(model, least_V, most_V)) for run, least_V, most_V in spans]
+    far = [one for one in told if one[3] is not None]
     if not far:
         return []
-    (run, least_V, most_V), *more = far
+    (run, least_V, most_V, beyond), *more = far
     return [
-        f"{run.source}: axis {axis} is driven from {digits(least_V, 3)} to {digits(most_V, 3)} V, and the model was "
-        f"fitted from {digits(low, 3)} to {digits(high, 3)} V{more_like_it(len(more))}: beyond that it is a guess; fit "
-        "it to records that go as far"
+        f"{run.source}: axis {axis} is driven from {digits(least_V, 3)} to {digits(most_V, 3)} V, {beyond}"
+        f"{more_like_it(len(more))}; fit it to records that go as far"
     ]
 
 

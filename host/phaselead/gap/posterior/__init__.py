@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from phaselead.gap.posterior.absent import largest_sizes
-from phaselead.gap.posterior.before import before_record, from_its_memory, history_um
+from phaselead.gap.posterior.before import before_record, from_its_memory, history_um, stands_off
 from phaselead.gap.posterior.blocks import levels_say
 from phaselead.gap.posterior.detectable import MOST_STATED
 from phaselead.gap.posterior.forecast import Forecast
@@ -47,4 +47,5 @@ __all__ = [
     "posteriors",
     "search_sets",
     "shows_itself",
+    "stands_off",
 ]

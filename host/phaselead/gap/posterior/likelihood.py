@@ -15,7 +15,15 @@ import numpy as np
 
 from phaselead.gap.base_refit import columns_beyond, span_of_fields
 from phaselead.gap.parameters import SizedEffect, entries_at, internal, is_logarithmic, parameters_of
-from phaselead.gap.posterior.before import STANDING, Stood, amounts_stood, stands_off, stood_of, with_stood
+from phaselead.gap.posterior.before import (
+    LEAST_STANDING,
+    STANDING,
+    Stood,
+    amounts_stood,
+    stands_off,
+    stood_of,
+    with_stood,
+)
 from phaselead.gap.posterior.blocks import BlockedRun, Simulated
 from phaselead.gap.posterior.density import ANYWHERE_UM2, LEAST_GAIN, SETTLED, Density
 from phaselead.gap.posterior.fault import as_fault, fault_deviations
@@ -25,6 +33,8 @@ from phaselead.gap.posterior.moments import Moments, SharedProducts
 from phaselead.gap.posterior.priors import Prior, prior_of
 from phaselead.gap.posterior.sets import Fit, Terms, confused
 from phaselead.gap.posterior.still_moving import likeliest_moving, log_sum_over_records
+from phaselead.gap.residual import ModelledRun
+from phaselead.model import Entry
 from phaselead.record import Samples
 
 LIKE_RIVALS = 0.1
@@ -83,9 +93,7 @@ class Likelihood(Density):
         or, instead, at those to which some effects, and what had stood off by run, move them."""
         if not self.may_be_off_beyond:
             return self
-        stood = tuple(stood) or ({},) * len(self.runs)
-        each = zip(self.runs, stood, strict=True)
-        acting = [(run.modelled, with_stood(entries, had) if run.changed else []) for run, had in each]
+        acting = self.acting(entries, stood)
         span, mine = span_of_fields(acting), list(zip(self.runs, acting, strict=True))
 
         def beyond(run: BlockedRun) -> Samples:
@@ -93,6 +101,13 @@ class Likelihood(Density):
             return run.coefficients(columns_beyond(modelled, span, extra))
 
         return replace(self._without(self.beyond).missing(beyond), beyond=beyond)
+
+    def acting(
+        self, entries: Sequence[SizedEffect], stood: Sequence[Stood] = ()
+    ) -> list[tuple[ModelledRun, list[Entry]]]:
+        """The runs, each with what acts in it of some effects and of what had stood off by run, by default nothing."""
+        each = zip(self.runs, tuple(stood) or ({},) * len(self.runs), strict=True)
+        return [(run.modelled, with_stood(entries, had) if run.changed else []) for run, had in each]
 
     def _without(self, maker: MakeColumns | None) -> Likelihood:
         """The same without the columns that something makes."""
@@ -227,9 +242,10 @@ class Likelihood(Density):
         normal, _ = self.information(terms, shares, independent=independent)
         return np.asarray(np.linalg.inv(normal.reduced))
 
-    def fit(self, start: Sequence[SizedEffect] | Terms, steps: int = STEPS) -> Fit:
-        """The most likely parameters near those of ``start``, which may be terms of this likelihood."""
-        terms, share, _ = self.fitted_terms(start, steps)
+    def fit(self, start: Sequence[SizedEffect] | Terms, steps: int = STEPS, stood: Sequence[Stood] = ()) -> Fit:
+        """The most likely parameters near those of ``start``, which may be terms of this likelihood. ``stood``: by run
+        about what had stood off as a voltage, where a set like it was fitted before."""
+        terms, share, _ = self.fitted_terms(start, steps, stood)
         moving = terms.moments.moving
         if not moving.size:
             return self.judged(terms, share)
@@ -248,10 +264,14 @@ class Likelihood(Density):
             found[chosen.tobytes()] = self.judged(near, near_share)
         return max(found.values(), key=lambda fit: fit.log_evidence)
 
-    def fitted_terms(self, start: Sequence[SizedEffect] | Terms, steps: int = STEPS) -> tuple[Terms, float, float]:
-        """A set at its most likely parameters near those of ``start``, the share there and the log density."""
-        terms = start if isinstance(start, Terms) else self.terms(start)
-        terms, best, share = self._beside_what_stood(terms, *self.likeliest_share(terms), STANDING)
+    def fitted_terms(
+        self, start: Sequence[SizedEffect] | Terms, steps: int = STEPS, stood: Sequence[Stood] = ()
+    ) -> tuple[Terms, float, float]:
+        """A set at its most likely parameters near those of ``start``, begun beside what had ``stood`` off, the share
+        there and the log density."""
+        terms = start if isinstance(start, Terms) else self.terms(start, stood=stood)
+        rounds = STANDING if steps in (0, STEPS) else LEAST_STANDING
+        terms, best, share = self._beside_what_stood(terms, *self.likeliest_share(terms), rounds)
         damping = 1e-3
         for _ in range(steps if terms.entries else 0):
             information, slope = self.information(terms, [share])

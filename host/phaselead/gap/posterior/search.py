@@ -11,7 +11,7 @@ import numpy as np
 from phaselead.gap.base_refit import base_columns
 from phaselead.gap.error_rates import SURE
 from phaselead.gap.parameters import SizedEffect, stands_at_an_end
-from phaselead.gap.posterior.before import stands_off
+from phaselead.gap.posterior.before import Stood, stands_off
 from phaselead.gap.posterior.blocks import blocked
 from phaselead.gap.posterior.detectable import detectable
 from phaselead.gap.posterior.expected import expected_of
@@ -156,7 +156,7 @@ def exchange(starts: Starts, pool: dict[Names, Fit]) -> None:
             rivals = {name for name in rivals if tuple(sorted((*names_of(others), name))) not in pool}
             if not rivals:
                 continue
-            rest = likelihood.fit(others)
+            rest = likelihood.fit(others, stood=pool[best].terms.stood)
             for name, several in starts.beside(rest).items():
                 fit = _grown(likelihood, rest, several) if name in rivals else None
                 if fit is not None:
@@ -170,7 +170,7 @@ def _grown(likelihood: Likelihood, parent: Fit, starts: Sequence[Start]) -> Fit 
     rough = []
     for start in starts:
         try:
-            rough.append(likelihood.fitted_terms([*parent.entries, start.entry], ROUGH_STEPS))
+            rough.append(likelihood.fitted_terms([*parent.entries, start.entry], ROUGH_STEPS, parent.terms.stood))
         except np.linalg.LinAlgError:
             continue
     if not rough:
@@ -192,25 +192,33 @@ def _last_contest(likelihood: Likelihood, pool: Mapping[Names, Fit], catalogue_s
     ranked = sorted(pool, key=lambda names: -contest.log_posterior(names))
     least = contest.log_posterior(ranked[0]) - WITHIN
     close = [pool[names] for names in ranked[:MOST_CONTESTED] if contest.log_posterior(names) > least]
-    starts: dict[Names, list[tuple[SizedEffect, ...]]] = {(): [()], **{fit.names: [fit.entries] for fit in close}}
+    starts: dict[Names, list[_Begun]] = {(): [((), ())], **{fit.names: [_begun(fit)] for fit in close}}
     seen = {effect.name: (effect, params) for fit in reversed(close) for effect, params in fit.entries}
     likelihood = likelihood.knowing([entry for entry in seen.values() if entry not in likelihood.known])
-    best, tried = close[0].entries, set[Names]()
-    while names_of(best) not in tried and len(tried) < CONTESTS:
-        tried.add(names_of(best))
-        for i in range(len(best)):
-            rest = (*best[:i], *best[i + 1 :])
+    best, tried = close[0], set[Names]()
+    while best.names not in tried and len(tried) < CONTESTS:
+        tried.add(best.names)
+        for i in range(len(best.entries)):
+            rest = (*best.entries[:i], *best.entries[i + 1 :])
             grown = pool.get(names_of(rest))
-            known = starts.setdefault(names_of(rest), [] if grown is None else [grown.entries])
-            if rest not in known:  # a set that grew in one way may have missed what another way leads to
-                known.append(rest)
-            starts = {**{names: [entries] for names, entries in _exchanged(pool, best, i).items()}, **starts}
-        among = _beyond_beside(likelihood.with_misfit_of(best), contest)
-        fits = {names: among.fit(_likeliest(among, several)) for names, several in starts.items()}
+            known = starts.setdefault(names_of(rest), [] if grown is None else [_begun(grown)])
+            if rest:  # a set that grew in one way may have missed what another way leads to
+                known.append((rest, best.terms.stood))
+            starts = {**{fit.names: [_begun(fit)] for fit in _exchanged(pool, best.entries, i)}, **starts}
+        among = _beyond_beside(likelihood.with_misfit_of(best.entries), contest)
+        fits = {names: _fitted(among, several) for names, several in starts.items()}
         contest = Contest(among, fits, catalogue_size)
-        starts = {names: [fit.entries] for names, fit in fits.items()}
-        best = max(contest.fits.values(), key=lambda fit: contest.log_posterior(fit.names)).entries
+        starts = {names: [_begun(fit)] for names, fit in fits.items()}
+        best = max(contest.fits.values(), key=lambda fit: contest.log_posterior(fit.names))
     return contest
+
+
+_Begun = tuple[Sequence[SizedEffect], Sequence[Stood]]
+"""Where a fit begins: the effects with their parameters, and what had stood off by run."""
+
+
+def _begun(fit: Fit) -> _Begun:
+    return fit.entries, fit.terms.stood
 
 
 def _beyond_beside(likelihood: Likelihood, contest: Contest) -> Likelihood:
@@ -223,23 +231,22 @@ def _beyond_beside(likelihood: Likelihood, contest: Contest) -> Likelihood:
     return likelihood.missing_beyond(likeliest.entries, likeliest.terms.stood)
 
 
-def _likeliest(likelihood: Likelihood, starts: Sequence[tuple[SizedEffect, ...]]) -> tuple[SizedEffect, ...]:
-    """Of some starts of a set the one that is the most likely before it is fitted."""
-    if len(starts) == 1:
-        return starts[0]
-    return max(starts, key=lambda entries: likelihood.fitted_terms(entries, steps=0)[2])
+def _fitted(likelihood: Likelihood, starts: Sequence[_Begun]) -> Fit:
+    """A set fitted from the start that is the most likely before."""
+    entries, stood = starts[0]
+    if len(starts) > 1:
+        entries, stood = max(starts, key=lambda one: likelihood.fitted_terms(one[0], 0, one[1])[2])
+    return likelihood.fit(entries, stood=stood)
 
 
-def _exchanged(
-    pool: Mapping[Names, Fit], entries: Sequence[SizedEffect], index: int
-) -> dict[Names, tuple[SizedEffect, ...]]:
+def _exchanged(pool: Mapping[Names, Fit], entries: Sequence[SizedEffect], index: int) -> list[Fit]:
     """Sets of a pool that have, in the place of one of the effects, another that it may be taken for."""
     rest = {effect.name for i, (effect, _) in enumerate(entries) if i != index}
-    found = {}
+    found = []
     for names, fit in pool.items():
         others = [effect for effect, _ in fit.entries if effect.name not in rest]
         if len(names) == len(entries) and len(others) == 1 and confused(entries[index][0], others[0]):
-            found[names] = fit.entries
+            found.append(fit)
     return found
 
 
