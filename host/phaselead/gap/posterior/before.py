@@ -18,7 +18,7 @@ from phaselead.identify import amounts_before
 from phaselead.model import Effect, Entry, Params, Place, Signal
 from phaselead.record import Samples
 
-STANDING, LEAST_STANDING = 8, 3
+STANDING, LEAST_STANDING = 8, 2
 """How often what stood off before a record is found beside itself at most, and for a rough fit: budgets of time."""
 SMALL_AMOUNT = 0.05
 """A change of what had stood off, in its prior deviations: little beside the thresholds of larger plays."""

@@ -142,6 +142,15 @@ class Density:
             found.power[worse] = again.power
         return found
 
+    def explaining(self, terms: Terms, share: float) -> Amounts:
+        """The likeliest amounts of what is integrated out if it explained everything, so that no record is an
+        outlier."""
+        variance = self.variance(terms, [share])
+        normal, right = terms.moments.integrated.normal(
+            self.weights(np.zeros_like(variance[:, 0]), variance), np.zeros(0)
+        )
+        return normal.solve(right)
+
     def _log_settled(self, at: Settled, held_out: bool) -> Samples:
         """Log density (s,) of the records and of what is integrated out, but for what all have in common."""
         squares = at.amounts.along(at.amounts)[:, 0, 0]

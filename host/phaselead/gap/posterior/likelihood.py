@@ -17,6 +17,7 @@ from phaselead.gap.base_refit import columns_beyond, span_of_fields
 from phaselead.gap.parameters import SizedEffect, entries_at, internal, is_logarithmic, parameters_of
 from phaselead.gap.posterior.before import (
     LEAST_STANDING,
+    SMALL_AMOUNT,
     STANDING,
     Stood,
     amounts_stood,
@@ -25,7 +26,7 @@ from phaselead.gap.posterior.before import (
     with_stood,
 )
 from phaselead.gap.posterior.blocks import BlockedRun, Simulated
-from phaselead.gap.posterior.density import ANYWHERE_UM2, LEAST_GAIN, SETTLED, Density
+from phaselead.gap.posterior.density import ANYWHERE_UM2, LEAST_GAIN, Density
 from phaselead.gap.posterior.fault import as_fault, fault_deviations
 from phaselead.gap.posterior.levels import about_their_sessions, with_levels_about_their_sessions
 from phaselead.gap.posterior.missed import MOST_MISSED, is_of_material, log_prior_of_share, shares_of
@@ -294,20 +295,22 @@ class Likelihood(Density):
 
     def _beside_what_stood(self, terms: Terms, best: float, share: float, rounds: int) -> tuple[Terms, float, float]:
         """The set beside what most likely had stood off before each record as a voltage, the log density then and the
-        share: much of it does not do in proportion what a little does."""
+        share: much of it does not do in proportion what a little does. It is found as if it explained the records: one
+        that is explained in part is an outlier. The likeliest on the way counts."""
         if not any(stands_off(effect) for effect, _ in terms.entries):
             return terms, best, share
-        of = [one.of_effects for one in self.simulated(terms)]
+        found, of = (terms, best, share), [one.of_effects for one in self.simulated(terms)]
         for _ in range(rounds):
-            amounts = self.settled(terms, [share]).amounts.before[0, :, :, 0]
+            amounts = self.explaining(terms, share).before[0, :, :, 0]
             stood = [stood_of(terms.entries, mine, one[: len(mine)]) for mine, one in zip(of, amounts, strict=True)]
             moved = [amounts_stood(terms.entries, mine, now) - amounts_stood(terms.entries, mine, then)
                      for mine, now, then in zip(of, stood, terms.stood, strict=True)]  # fmt: skip
-            if np.abs(np.concatenate(moved)).max(initial=0.0) < SETTLED:
-                break
+            if np.abs(np.concatenate(moved)).max(initial=0.0) < SMALL_AMOUNT:
+                break  # so little more does in proportion what it does
             terms = self.terms(terms.entries, terms.moments.moving, stood)
             best, share = self.likeliest_share(terms, share)
-        return terms, best, share
+            found = max(found, (terms, best, share), key=lambda one: one[1])
+        return found
 
     def judged(self, terms: Terms, share: float) -> Fit:
         """Evidence and covariance of a set at its most likely parameters."""
