@@ -82,7 +82,7 @@ class AxisResult:
     detectable: Sequence[Detectable] = ()
     """From which size each effect was expected to be named, where axes are searched one by one."""
     doubts: Sequence[str] = ()
-    """Whether records are of this stage, for a person."""
+    """Whether records are of this stage and within the range of its model, for a person."""
 
     def labelled(self) -> AxisResult:
         """The same where what was found bears the name of the axis, or of the axes that it had: for data of several."""
@@ -177,7 +177,7 @@ def search_axis(
 def _something_more(selection: Selection, names: AbstractSet[str]) -> str:
     """What to say where the odds are for one effect more than those that are claimed, and for no name."""
     beside = f"beside {' and '.join(sorted(names))} " if names else ""
-    near = [name for name in selection.likeliest if name not in names]
+    near = selection.likeliest(names)
     nearest = f"; nearest by the odds: {', '.join(near)}" if near else ""
     return (
         f"{beside}the records show something more than chance, and no effect of the catalogue is sure to be it{nearest}"

@@ -1,4 +1,5 @@
-"""Whether the records are of the model's stage and in its units: how far they move beside what the model says."""
+"""Whether the records are of the model's stage, in its units and within its range: how far they move beside what the
+model says."""
 
 from __future__ import annotations
 
@@ -91,22 +92,30 @@ def range_doubts(stage: Stage, driven: Compared) -> tuple[str, ...]:
 
 
 def led_beyond_fit(selection: Selection) -> list[str]:
-    """One line where the effects that were found move the voltage at the ceramic beyond those that the model was fitted
-    to, by what they do in the records and had done before."""
+    """One line where an effect that is named moves the voltage at the ceramic beyond those that the model was fitted
+    to, and further than the records go, by what it does in them and had done before. None of a set that was not fitted
+    as it is."""
     fit = selection.contest.fits.get(names_of(selection.entries))
+    named = {claim.effect.name for claim in selection.claims if len(claim.tied) == 1}
     names = [] if fit is None else [effect.name for effect, _ in fit.entries if stands_off(effect)]
-    if fit is None or not names:
+    if fit is None or not named.intersection(names):
         return []
-    acting = selection.contest.likelihood.acting(fit.entries, fit.terms.stood)
-    at_ceramic = [modelled.chain.signal_at(Place.AMPLIFIER, extra).value for modelled, extra in acting]
-    least_V, most_V = min(float(v.min()) for v in at_ceramic), max(float(v.max()) for v in at_ceramic)
-    beyond = _beyond_range(selection.base, least_V, most_V)
-    if beyond is None:
+    acting = [one for one in selection.contest.likelihood.acting(fit.entries, fit.terms.stood) if one[1]]
+    by_itself = _span_V([modelled.chain.signal_at(Place.AMPLIFIER).value for modelled, _ in acting])
+    moved = _span_V([modelled.chain.signal_at(Place.AMPLIFIER, extra).value for modelled, extra in acting])
+    beyond = _beyond_range(selection.base, *moved)
+    if beyond is None or not (moved[0] < by_itself[0] or moved[1] > by_itself[1]):
         return []
+    least_V, most_V = (digits(one, 3) for one in moved)
     return [
-        f"{' and '.join(names)} moves the voltage at the ceramic over {digits(least_V, 3)} to {digits(most_V, 3)} V, "
-        f"{beyond}; give reference records that go as far, or records that stay within"
+        f"{' and '.join(names)} moves the voltage at the ceramic over {least_V} to {most_V} V, {beyond}; fit it to "
+        "records that go as far"
     ]
+
+
+def _span_V(voltages: Sequence[Samples]) -> tuple[float, float]:
+    """The lowest and the highest of some voltages (n_i,)."""
+    return min(float(v.min()) for v in voltages), max(float(v.max()) for v in voltages)
 
 
 def _beyond_range(model: AxisModel, least_V: float, most_V: float) -> str | None:

@@ -68,10 +68,11 @@ class Selection:
         """Whether an effect was looked for and is probably not there."""
         return name in self.contest.names and self.probability.get(name, 0.0) <= 1 - INSIDE
 
-    @property
-    def likeliest(self) -> list[str]:
-        """Names of the effects that may be there, the most probable first, as many as a tie may hold."""
-        may_be = [name for name in self.probability if not self.is_without(name)]
+    def likeliest(self, without: AbstractSet[str]) -> list[str]:
+        """Names of the effects that may be there and may have one, but for some, the most probable first, as many as
+        a tie may hold."""
+        out = without | self.nameless
+        may_be = [name for name in self.probability if name not in out and not self.is_without(name)]
         return sorted(may_be, key=lambda name: -self.probability[name])[:MOST_TIED]
 
     def is_likely(self, name: str) -> bool:

@@ -21,7 +21,8 @@ from phaselead.record import Samples
 STANDING, LEAST_STANDING = 8, 2
 """How often what stood off before a record is found beside itself at most, and for a rough fit: budgets of time."""
 SMALL_AMOUNT = 0.05
-"""A change of what had stood off, in its prior deviations: little beside the thresholds of larger plays."""
+"""A change of what had stood off, in its prior deviations, within which it does in proportion what it does: little
+beside the thresholds of larger plays. By so much it is changed for its columns, and its search ends."""
 
 Stood = Mapping[str, tuple[float, ...]]
 """By effect what had stood off as a voltage before a record, in prior deviations of the state of each of its lags."""

@@ -2,7 +2,7 @@
 
 In each block the residual's coefficients are normal of a variance
 
-    v = noise + kappa^2 (base + share before) + sum_j rho_j^2 signal_j
+    v = noise + kappa^2 (base + share * before) + sum_j rho_j^2 signal_j
 
 with ``base`` what the base is expected to leave (``expected``), a share of its motion, ``before`` how what a set had
 done before a record moves it as a voltage, and ``signal_j`` the power of what effect j adds: no

@@ -16,7 +16,6 @@ import numpy as np
 from phaselead.gap.base_refit import columns_beyond, span_of_fields
 from phaselead.gap.parameters import SizedEffect, entries_at, internal, is_logarithmic, parameters_of
 from phaselead.gap.posterior.before import (
-    LEAST_STANDING,
     SMALL_AMOUNT,
     STANDING,
     Stood,
@@ -26,7 +25,7 @@ from phaselead.gap.posterior.before import (
     with_stood,
 )
 from phaselead.gap.posterior.blocks import BlockedRun, Simulated
-from phaselead.gap.posterior.density import ANYWHERE_UM2, LEAST_GAIN, Density
+from phaselead.gap.posterior.density import ANYWHERE_UM2, LEAST_GAIN, SETTLED, Density
 from phaselead.gap.posterior.fault import as_fault, fault_deviations
 from phaselead.gap.posterior.levels import about_their_sessions, with_levels_about_their_sessions
 from phaselead.gap.posterior.missed import MOST_MISSED, is_of_material, log_prior_of_share, shares_of
@@ -169,7 +168,9 @@ class Likelihood(Density):
     ) -> Terms:
         """A set of effects at its parameters. ``moving`` (runs, b): 1 for what still goes on in a record of what had
         been done before, by default all. ``stood``: by run what had stood off as a voltage, by default nothing."""
-        stood = tuple(stood) or ({},) * len(self.runs)
+        names = {effect.name for effect, _ in entries}
+        stood = tuple({name: one for name, one in of_run.items() if name in names} for of_run in stood)
+        stood = stood or ({},) * len(self.runs)
         found = [run.simulated(entries, of_run) for run, of_run in zip(self.runs, stood, strict=True)]
         of_effects = self._added_um2(found)
         material = of_effects[is_of_material(entries)].sum(axis=0)
@@ -266,12 +267,15 @@ class Likelihood(Density):
         return max(found.values(), key=lambda fit: fit.log_evidence)
 
     def fitted_terms(
-        self, start: Sequence[SizedEffect] | Terms, steps: int = STEPS, stood: Sequence[Stood] = ()
+        self,
+        start: Sequence[SizedEffect] | Terms,
+        steps: int = STEPS,
+        stood: Sequence[Stood] = (),
+        rounds: int = STANDING,
     ) -> tuple[Terms, float, float]:
         """A set at its most likely parameters near those of ``start``, begun beside what had ``stood`` off, the share
-        there and the log density."""
+        there and the log density. ``rounds``: in which that is found beside itself, at most."""
         terms = start if isinstance(start, Terms) else self.terms(start, stood=stood)
-        rounds = STANDING if steps in (0, STEPS) else LEAST_STANDING
         terms, best, share = self._beside_what_stood(terms, *self.likeliest_share(terms), rounds)
         damping = 1e-3
         for _ in range(steps if terms.entries else 0):
@@ -296,21 +300,24 @@ class Likelihood(Density):
     def _beside_what_stood(self, terms: Terms, best: float, share: float, rounds: int) -> tuple[Terms, float, float]:
         """The set beside what most likely had stood off before each record as a voltage, the log density then and the
         share: much of it does not do in proportion what a little does. It is found as if it explained the records: one
-        that is explained in part is an outlier. The likeliest on the way counts."""
+        that is explained in part is an outlier. Where it does not settle, the likeliest on the way counts."""
         if not any(stands_off(effect) for effect, _ in terms.entries):
             return terms, best, share
-        found, of = (terms, best, share), [one.of_effects for one in self.simulated(terms)]
+        way, of = [(terms, best, share)], [one.of_effects for one in self.simulated(terms)]
         for _ in range(rounds):
             amounts = self.explaining(terms, share).before[0, :, :, 0]
             stood = [stood_of(terms.entries, mine, one[: len(mine)]) for mine, one in zip(of, amounts, strict=True)]
             moved = [amounts_stood(terms.entries, mine, now) - amounts_stood(terms.entries, mine, then)
                      for mine, now, then in zip(of, stood, terms.stood, strict=True)]  # fmt: skip
-            if np.abs(np.concatenate(moved)).max(initial=0.0) < SMALL_AMOUNT:
-                break  # so little more does in proportion what it does
+            farthest = float(np.abs(np.concatenate(moved)).max(initial=0.0))
+            if farthest < SETTLED:
+                return way[-1]
             terms = self.terms(terms.entries, terms.moments.moving, stood)
             best, share = self.likeliest_share(terms, share)
-            found = max(found, (terms, best, share), key=lambda one: one[1])
-        return found
+            way.append((terms, best, share))
+            if farthest < SMALL_AMOUNT:  # so little more does in proportion what it does
+                return way[-1]
+        return max(way, key=lambda one: one[1])
 
     def judged(self, terms: Terms, share: float) -> Fit:
         """Evidence and covariance of a set at its most likely parameters."""

@@ -11,7 +11,7 @@ import numpy as np
 from phaselead.gap.base_refit import base_columns
 from phaselead.gap.error_rates import SURE
 from phaselead.gap.parameters import SizedEffect, stands_at_an_end
-from phaselead.gap.posterior.before import Stood, stands_off
+from phaselead.gap.posterior.before import LEAST_STANDING, Stood, stands_off
 from phaselead.gap.posterior.blocks import blocked
 from phaselead.gap.posterior.detectable import detectable
 from phaselead.gap.posterior.expected import expected_of
@@ -170,7 +170,9 @@ def _grown(likelihood: Likelihood, parent: Fit, starts: Sequence[Start]) -> Fit 
     rough = []
     for start in starts:
         try:
-            rough.append(likelihood.fitted_terms([*parent.entries, start.entry], ROUGH_STEPS, parent.terms.stood))
+            rough.append(
+                likelihood.fitted_terms([*parent.entries, start.entry], ROUGH_STEPS, parent.terms.stood, LEAST_STANDING)
+            )
         except np.linalg.LinAlgError:
             continue
     if not rough:

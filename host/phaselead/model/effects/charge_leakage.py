@@ -35,7 +35,8 @@ def before_record(since_s: Samples, params: Params, axis: AxisModel) -> Samples:
     view = axis.time
     assert view is not None
     low, high = view.u_range_V
-    return np.asarray(STOOD_OFF * (high - low) * np.exp(-number(params, "rate_per_s") * since_s)[:, None])
+    most_V = max(high, 0.0) - min(low, 0.0)  # all that stands on the actuator may be lost
+    return np.asarray(STOOD_OFF * most_V * np.exp(-number(params, "rate_per_s") * since_s)[:, None])
 
 
 def reads(params: Params, axis: AxisModel) -> str:
@@ -54,7 +55,7 @@ EFFECT = Effect(
     title="Charge leakage",
     place=Place.AMPLIFIER,
     order=3,
-    equation="v = u s / (s + rate_per_s),  rate_per_s = 1 / (R C);  v = u where a record begins",
+    equation="v = u s / (s + rate_per_s),  rate_per_s = 1 / (R C);  about v = u where a record begins",
     source="Fleming and Moheimani 2005 (charge drives lose their low frequencies); Clayton, Tien, Fleming, Moheimani "
     "and Devasia 2008 (inverse feed-forward of charge-controlled positioners)",
     parameters=(

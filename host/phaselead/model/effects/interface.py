@@ -104,7 +104,7 @@ class Signal:
 
     @property
     def since_s(self) -> Samples:
-        """Times since the record began, 0 in the row in front of it."""
+        """Times (n,) since the record began: 0 in its first row and in the one in front of it."""
         return np.asarray(np.maximum(self.t_s - self.t_s[min(1, len(self.t_s) - 1)], 0.0))
 
     @property
