@@ -120,7 +120,7 @@ class _Field:
     def _slope_um_per_V(self, end_V: float) -> float:
         """Of the base over the segment at one end of the fitted voltages, all plays moving."""
         low_V, high_V = self.view.u_range_V
-        within = (high_V - low_V) / (BASE_SEGMENTS + 1) * (1 if end_V == low_V else -1)
+        within = (high_V - low_V) / (BASE_SEGMENTS + 1) * (1 if end_V == low_V else -1)  # V, towards the other end
         v = self.view.field.of(np.array([end_V, end_V + within]))
         x = self.view.gain_um_per_V * v + sum(self.view.play_w_um_per_V) * self.view.density.read(v)
         for d_V, s_um_per_V in zip(self.view.deadzone_d_V, self.view.deadzone_s_um_per_V, strict=True):

@@ -182,8 +182,7 @@ class Likelihood(Density):
 
     def simulated(self, terms: Terms) -> list[Simulated]:
         """What a set of effects does in each run."""
-        runs = self.runs
-        return [run.simulated(terms.entries, stood) for run, stood in zip(runs, terms.stood, strict=True)]
+        return [run.simulated(terms.entries, stood) for run, stood in zip(self.runs, terms.stood, strict=True)]
 
     def _moments(self, found: Sequence[Simulated]) -> Moments:
         """Of tangents, of what is integrated out, and of the residual."""

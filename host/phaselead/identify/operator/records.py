@@ -9,14 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from phaselead.identify.operator.leaving_out import FOLD_BLOCKS
-from phaselead.identify.operator.regressors import (
-    FEWEST_ROWS,
-    Basis,
-    FitRun,
-    Turns,
-    nested_basis,
-    rows_to_fit,
-)
+from phaselead.identify.operator.regressors import FEWEST_ROWS, Basis, FitRun, Turns, nested_basis, rows_to_fit
 from phaselead.identify.operator.solution import REST_STEP, Solution, best_operator, best_slopes
 from phaselead.identify.operator.starting_memories import settled_of
 from phaselead.identify.runs import AxisRun, longest_delay_s, period_s
