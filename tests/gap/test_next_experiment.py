@@ -181,6 +181,15 @@ def test_excitations_keep_to_voltage_and_slew(slew, u_max_V):
             assert abs(np.diff(u)).max() * 5000 <= slew * (1 + 1e-6)
 
 
+@pytest.mark.parametrize(("u_range_V", "u_max_V"), [((12.0, 88.0), 10.0), ((12.0, 88.0), 12.0), ((-9.0, -3.0), 10.0)])
+def test_a_device_that_may_put_out_none_of_the_fitted_voltages_is_offered_no_experiment(u_range_V, u_max_V):
+    """A model of records of 12 to 88 V, whose user had not yet written the limits of the output: there was no result at
+    all, after three minutes."""
+    view = VIEW.model_copy(update={"u_range_V": u_range_V})
+    axis = AxisModel(time=view, limits=Limits(u_min_V=-2.0, u_max_V=u_max_V))
+    assert excitations(axis, 1 / 5000) == []
+
+
 @pytest.mark.parametrize("name", SHAPES)
 def test_what_is_predicted_is_what_the_device_plays(name):
     """1024 points of one period, joined by straight lines, over and over."""

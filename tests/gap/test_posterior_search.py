@@ -10,6 +10,7 @@ import pytest
 
 from phaselead.gap.posterior import Contest, Likelihood, likelihood_of, search
 from phaselead.gap.posterior.search import exchange
+from phaselead.gap.posterior.sets import Begun
 from phaselead.gap.posterior.starts import Starts
 from phaselead.gap.records import GapRun
 from phaselead.gap.residual import modelled_run
@@ -115,7 +116,8 @@ class Weighed:
 
     with_misfit_of = knowing
 
-    def fit(self, entries, stood=()):
+    def fit(self, start):
+        entries = start.entries if isinstance(start, Begun) else start
         names = tuple(sorted(effect.name for effect, _ in entries))
         return SimpleNamespace(
             entries=tuple(entries),
@@ -123,14 +125,15 @@ class Weighed:
             log_evidence=self.evidence.get(names, 0.0),
             levels=lambda held_out: 0.0,
             terms=SimpleNamespace(stood=()),
+            begun=Begun(entries),
         )
 
     def missing_beyond(self, entries, stood):
         return self
 
-    def fitted_terms(self, entries, steps, stood):
+    def fitted_terms(self, start, steps):
         assert steps == 0
-        return None, 0.1, self.fit(entries).log_evidence
+        return None, 0.1, self.fit(start).log_evidence
 
 
 @pytest.mark.parametrize("rival", ["sensor_lowpass", "gain_change"])
@@ -154,9 +157,9 @@ def test_the_winner_less_one_effect_is_fitted_from_where_the_winner_stands_too()
     leak = slow[0].name
 
     class Stuck(Weighed):
-        def fit(self, entries, stood=()):
-            found = super().fit(entries)
-            found.log_evidence += 10.0 * any(params.get("rate_per_s") == 0.05 for _, params in entries)
+        def fit(self, start):
+            found = super().fit(start)
+            found.log_evidence += 10.0 * any(params.get("rate_per_s") == 0.05 for _, params in found.entries)
             return found
 
     table = Stuck({f"{leak} {bend[0].name}": 100.0, leak: 90.0})

@@ -311,3 +311,13 @@ def test_an_end_of_nothing_is_where_it_vanishes():
     assert not at_an_end([(late, params | {"delay_s": 0.0})])
     assert at_an_end([(late, {"delay_s": late.parameters[0].high})])
     assert not at_an_end([])
+
+
+@pytest.mark.parametrize("name", ["hysteresis", "asymmetric_hysteresis"])
+def test_plays_that_reach_as_far_as_the_range_are_ordinary(name):
+    """A larger threshold would not move within the range. A leak beside an asymmetric loop was found, and dropped for
+    a reach of 0.5."""
+    effect, params = typical(name)
+    reach = next(p for p in effect.parameters if p.name == "reach")
+    assert not at_an_end([(effect, params | {"reach": reach.high})])
+    assert at_an_end([(effect, params | {"reach": reach.low})])

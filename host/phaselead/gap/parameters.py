@@ -33,8 +33,10 @@ def bounded(effect: Effect, params: Mapping[str, float]) -> dict[str, float]:
 
 
 def stands_at_an_end(p: Parameter, value: float) -> bool:
-    """Whether a value stands at an end of its parameter's range; an end of 0 is none."""
-    return value >= (1 - AT_END) * p.high or value <= p.low + AT_END * abs(p.low) != 0
+    """Whether a value stands at an end of its parameter's range; an end of 0 is none, nor the highest where ordinary
+    stages have it."""
+    highest = value >= (1 - AT_END) * p.high and not p.may_be_highest
+    return highest or value <= p.low + AT_END * abs(p.low) != 0
 
 
 def to_internal(p: Parameter, value: float) -> float:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from phaselead.gap.least_squares import fitted_in_um
 from phaselead.gap.parameters import SizedEffect, stands_at_an_end
-from phaselead.gap.posterior import Fit, Likelihood, Starts, likelihood_of
+from phaselead.gap.posterior import Fit, Histories, Likelihood, Starts, likelihood_of
 from phaselead.gap.regressors import RegressorGroup
 from phaselead.gap.residual import ModelledRun
 from phaselead.model import Effect
@@ -94,9 +94,10 @@ class _PlainStarts(Starts):
         groups: Sequence[RegressorGroup],
         columns: Sequence[NDArray[np.float32]],
         independent: Samples | float = 1.0,
+        histories: Histories | None = None,
     ) -> list[tuple[RegressorGroup, Samples, Samples]]:
         """Per group the slope (sizes,) and curvature (sizes, sizes) of the squares, beside the base whatever the
-        set."""
+        set, and without ``histories``."""
         runs, found, first = self.likelihood.runs, [], 0
         usual_um = runs[0].usual_um
         residual = self._free.taken_out(np.concatenate([run.base_error for run in runs]) / usual_um)[:, 0]

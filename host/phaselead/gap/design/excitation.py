@@ -148,16 +148,19 @@ SHAPES: dict[str, Callable[[tuple[float, float]], Samples]] = {
 
 
 def span_V(axis: AxisModel) -> tuple[float, float]:
-    """Lowest and highest voltage that the model was fitted on and the device may put out."""
+    """Lowest and highest voltage that the model was fitted on and the device may put out; the lowest is above the
+    highest where it may put out none of them."""
     assert axis.time is not None
     low, high = axis.time.u_range_V
-    inner = max(low, axis.limits.u_min_V), min(high, axis.limits.u_max_V)
-    return inner if inner[0] < inner[1] else (low, high)
+    return max(low, axis.limits.u_min_V), min(high, axis.limits.u_max_V)
 
 
 def excitations(axis: AxisModel, step_s: float) -> list[Excitation]:
-    """A few dozen excitations within the limits of voltage and slew, each as short as it can be."""
+    """A few dozen excitations within the limits of voltage and slew, each as short as it can be; none where the device
+    may put out no voltage that the model was fitted on."""
     low, high = span_V(axis)
+    if low >= high:
+        return []
     rate_Hz = 1 / step_s
     found = [Excitation("idle", 0.0, (1 / 20.0, rate_Hz / 2), 0.0, 20.0)]
     for share, biases in ((0.95, (0.5,)), (0.3, (0.5, 0.2, 0.8))):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from phaselead.gap.posterior.absent import largest_sizes
 from phaselead.gap.posterior.before import before_record, from_its_memory, history_um, stands_off
+from phaselead.gap.posterior.beside import Histories
 from phaselead.gap.posterior.blocks import levels_say
 from phaselead.gap.posterior.detectable import MOST_STATED
 from phaselead.gap.posterior.forecast import Forecast
@@ -28,6 +29,7 @@ __all__ = [
     "Contest",
     "Fit",
     "Forecast",
+    "Histories",
     "Judgement",
     "Likelihood",
     "Starts",

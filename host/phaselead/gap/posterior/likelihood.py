@@ -1,167 +1,38 @@
 """Sets of effects beside one base: what each does in the records, how well it is fitted, and its evidence.
 
-How likely records are in which a set leaves so much is in ``density``. What the base may miss in all records alike is
-shared by all sets, so that their evidences can be compared.
+How likely records are in which a set leaves so much is in ``density``, what all sets may miss alike in ``may_miss``.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from itertools import pairwise
 
 import numpy as np
 
-from phaselead.gap.base_refit import columns_beyond, span_of_fields
 from phaselead.gap.parameters import SizedEffect, entries_at, internal, is_logarithmic, parameters_of
-from phaselead.gap.posterior.before import (
-    SMALL_AMOUNT,
-    STANDING,
-    Stood,
-    amounts_stood,
-    stands_off,
-    stood_of,
-    with_stood,
-)
-from phaselead.gap.posterior.blocks import BlockedRun, Simulated
-from phaselead.gap.posterior.density import ANYWHERE_UM2, LEAST_GAIN, SETTLED, Density
-from phaselead.gap.posterior.fault import as_fault, fault_deviations
+from phaselead.gap.posterior.before import SMALL_AMOUNT, STANDING, Stood, amounts_stood, stands_off, stood_of
+from phaselead.gap.posterior.blocks import Simulated
+from phaselead.gap.posterior.density import ANYWHERE_UM2, LEAST_GAIN, SETTLED
 from phaselead.gap.posterior.levels import about_their_sessions, with_levels_about_their_sessions
+from phaselead.gap.posterior.may_miss import MayMiss
 from phaselead.gap.posterior.missed import MOST_MISSED, is_of_material, log_prior_of_share, shares_of
-from phaselead.gap.posterior.moments import Moments, SharedProducts
+from phaselead.gap.posterior.moments import Moments
 from phaselead.gap.posterior.priors import Prior, prior_of
-from phaselead.gap.posterior.sets import Fit, Terms, confused
+from phaselead.gap.posterior.sets import Begun, Fit, Terms
 from phaselead.gap.posterior.still_moving import likeliest_moving, log_sum_over_records
-from phaselead.gap.residual import ModelledRun
-from phaselead.model import Entry
 from phaselead.record import Samples
 
-LIKE_RIVALS = 0.1
-"""Share of an effect, root of the squares, that its equation may miss and that looks like others which the catalogue
-says it is confused with, and that their equations may miss and looks like it, all together. A prior of the size of that
-misfit, chosen and not measured: it lies within the 2 to 20 % that models of hysteresis, creep and modes are taken to
-leave."""
 STEPS, DAMPINGS = 8, 5
 """Of a fit at most, and how many dampings a step tries."""
 NEGLIGIBLE = 1e-3
 """Probability of a share below which it does not widen an interval."""
 
 
-MakeColumns = Callable[[BlockedRun], Samples]
-"""Coefficients (n, k) in a run of something that may be missed in all records alike, one prior deviation each."""
-
-
 @dataclass
-class Likelihood(Density):
+class Likelihood(MayMiss):
     """Of sets of effects beside one base."""
-
-    shared: tuple[Samples, ...]
-    """Per run the coefficients (n, k) of what the base may miss in all records alike, one prior deviation each."""
-    shared_by: tuple[MakeColumns, ...] = ()
-    """What makes these columns, in this order, for any run."""
-    known: tuple[SizedEffect, ...] = ()
-    """Effects that explain much, by themselves or beside others: what may be taken for one another."""
-    may_be_off_beyond: bool = False
-    """Whether the base may be off beyond the voltages that it was fitted to."""
-    beyond: MakeColumns | None = None
-    """What makes the columns of that."""
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        pairs = zip(self.runs, self.shared, strict=True)
-        # Of the shared columns with each other, which all sets have in common.
-        self.among_shared = SharedProducts(np.concatenate([run.products(one, one) for run, one in pairs]))
-
-    def knowing(self, effects: Sequence[SizedEffect]) -> Likelihood:
-        """The same, where further effects may be taken for others. Where reference records can tell, the base may lack
-        any of them in all records."""
-        known = (*self.known, *effects)
-        if all(run.changed for run in self.runs):
-            return replace(self, known=known)
-        return replace(self.missing(lambda run: run.coefficients(as_fault(run.modelled, effects))), known=known)
-
-    def missing(self, *makers: MakeColumns) -> Likelihood:
-        """The same, where these may be missed in all records too."""
-        made = [[make(run) for run in self.runs] for make in makers]
-        added = [with_levels_about_their_sessions(self.runs, columns) for columns in made]
-        shared = tuple(np.concatenate(of_run, axis=1) for of_run in zip(self.shared, *added, strict=True))
-        return replace(self, shared=shared, shared_by=(*self.shared_by, *makers))
-
-    def missing_beyond(self, entries: Sequence[SizedEffect] = (), stood: Sequence[Stood] = ()) -> Likelihood:
-        """The same, where the base may be off beyond the voltages that it was fitted to, at the voltages of the records
-        or, instead, at those to which some effects, and what had stood off by run, move them."""
-        if not self.may_be_off_beyond:
-            return self
-        acting = self.acting(entries, stood)
-        span, mine = span_of_fields(acting), list(zip(self.runs, acting, strict=True))
-
-        def beyond(run: BlockedRun) -> Samples:
-            modelled, extra = next((there for one, there in mine if one is run), (run.modelled, entries))
-            return run.coefficients(columns_beyond(modelled, span, extra))
-
-        return replace(self._without(self.beyond).missing(beyond), beyond=beyond)
-
-    def acting(
-        self, entries: Sequence[SizedEffect], stood: Sequence[Stood] = ()
-    ) -> list[tuple[ModelledRun, list[Entry]]]:
-        """The runs, each with what acts in it of some effects and of what had stood off by run, by default nothing."""
-        each = zip(self.runs, tuple(stood) or ({},) * len(self.runs), strict=True)
-        return [(run.modelled, with_stood(entries, had) if run.changed else []) for run, had in each]
-
-    def _without(self, maker: MakeColumns | None) -> Likelihood:
-        """The same without the columns that something makes."""
-        if maker is None:
-            return self
-        at = self.shared_by.index(maker)
-        widths = [make(self.runs[0]).shape[1] for make in self.shared_by[: at + 1]]
-        begin, end = sum(widths[:-1]), sum(widths)
-        kept = tuple(np.delete(columns, np.s_[begin:end], axis=1) for columns in self.shared)
-        return replace(self, shared=kept, shared_by=(*self.shared_by[:at], *self.shared_by[at + 1 :]))
-
-    def shared_in(self, run: BlockedRun) -> Samples:
-        """Coefficients (n, k) of the shared columns in a run that is none of these, and belongs to no session."""
-        found = np.concatenate([np.zeros((run.edges[-1], 0)), *(make(run) for make in self.shared_by)], axis=1)
-        if found.shape[1] != self.among_shared.size:
-            raise ValueError(f"{found.shape[1]} shared columns are made for another run, and there are "
-                             f"{self.among_shared.size}")  # fmt: skip
-        return found
-
-    def without_held_out(self) -> Likelihood:
-        """Of the other records alone: what is fitted to them may be judged on the held-out ones."""
-        kept = [i for i, run in enumerate(self.runs) if run.modelled.run.role != "holdout"]
-        shared = tuple(self.shared[i] for i in kept)
-        return replace(self, runs=tuple(self.runs[i] for i in kept), shared=shared)
-
-    def with_misfit_of(self, entries: Sequence[SizedEffect]) -> Likelihood:
-        """The same, where what the equations of some effects miss may look like the known ones that they are confused
-        with, and, since one of those may be what is there, what its equation misses like the effect itself."""
-        makers = []
-        for i, (effect, _) in enumerate(entries):
-            size = self._size_um(entries, i)
-            rivals = [rival for rival in self.known if confused(effect, rival[0])]
-            alike = [(one, self._size_um([one], 0)) for one in (*rivals, *([entries[i]] if rivals else []))]
-            like = partial(_like, [(one, um) for one, um in alike if um > 0])
-            like_them = with_levels_about_their_sessions(self.runs, [like(run) for run in self.runs])
-            in_all = np.sqrt(sum(_squares(run, like) for run, like in zip(self.runs, like_them, strict=True)))
-            if in_all > 0:
-                makers.append(partial(_scaled, LIKE_RIVALS * size / in_all, like))
-        return self.missing(*makers)
-
-    def _size_um(self, entries: Sequence[SizedEffect], index: int) -> float:
-        """Root of the squares, over all records about their means, of what one effect adds to the others."""
-        added = self._added_um2([run.simulated(entries) for run in self.runs])[index]
-        return float(np.sqrt(added @ np.where(self._is_level, 0, self._sizes)))
-
-    def _added_um2(self, found: Sequence[Simulated]) -> Samples:
-        """Power (entries, blocks) of what each effect adds to the others, spread over the octaves."""
-        pairs = zip(self.runs, found, strict=True)
-        added = np.concatenate([run.spread(one.power) for run, one in pairs], axis=1)
-        firsts = about_their_sessions(self.runs, [one.first for one in found])
-        for run, first, block in zip(self.runs, firsts, self._blocks[:-1], strict=True):
-            if run.levelled:
-                added[:, block] = first**2
-        return added
 
     def terms(
         self, entries: Sequence[SizedEffect], moving: Samples | None = None, stood: Sequence[Stood] = ()
@@ -178,7 +49,8 @@ class Likelihood(Density):
         moments = self._moments(found)
         moments = moments if moving is None else moments.where_moving(moving)
         of_all = of_effects.sum(axis=0)
-        return Terms(tuple(entries), moments, of_all, material, moved_before, prior_of(entries), stood)
+        of = tuple(one.of_effects for one in found)
+        return Terms(tuple(entries), moments, of_all, material, moved_before, prior_of(entries), stood, of)
 
     def simulated(self, terms: Terms) -> list[Simulated]:
         """What a set of effects does in each run."""
@@ -243,19 +115,20 @@ class Likelihood(Density):
         normal, _ = self.information(terms, shares, independent=independent)
         return np.asarray(np.linalg.inv(normal.reduced))
 
-    def fit(self, start: Sequence[SizedEffect] | Terms, steps: int = STEPS, stood: Sequence[Stood] = ()) -> Fit:
-        """The most likely parameters near those of ``start``, which may be terms of this likelihood. ``stood``: by run
-        about what had stood off as a voltage, where a set like it was fitted before."""
-        terms, share, _ = self.fitted_terms(start, steps, stood)
+    def fit(self, start: Sequence[SizedEffect] | Begun | Terms, steps: int = STEPS) -> Fit:
+        """The most likely parameters near those of ``start``, which may be terms of this likelihood."""
+        terms, share, _ = self.fitted_terms(start, steps)
         moving = terms.moments.moving
         if not moving.size:
             return self.judged(terms, share)
         # Begun where what had been done before goes on as in the start, and where it is over in all records; then it
-        # goes on in those that bear it out. Both beginnings may lead to the same.
+        # goes on in those that bear it out. Both beginnings may lead to the same. Which of them does better is known of
+        # a set that was fitted beside something else.
+        known = isinstance(start, Begun) and start.moving is not None
         found: dict[bytes, Fit] = {}
-        for begun in (moving, np.zeros_like(moving)):
+        for begun in (moving, *([] if known else [np.zeros_like(moving)])):
             near, near_share = terms.where_moving(begun), share
-            if not begun.all():
+            if not begun.all() and not known:
                 near, near_share, _ = self.fitted_terms(near, steps)
             chosen, _ = self._moving(near, near_share)
             if chosen.tobytes() in found:
@@ -266,15 +139,11 @@ class Likelihood(Density):
         return max(found.values(), key=lambda fit: fit.log_evidence)
 
     def fitted_terms(
-        self,
-        start: Sequence[SizedEffect] | Terms,
-        steps: int = STEPS,
-        stood: Sequence[Stood] = (),
-        rounds: int = STANDING,
+        self, start: Sequence[SizedEffect] | Begun | Terms, steps: int = STEPS, rounds: int = STANDING
     ) -> tuple[Terms, float, float]:
-        """A set at its most likely parameters near those of ``start``, begun beside what had ``stood`` off, the share
-        there and the log density. ``rounds``: in which that is found beside itself, at most."""
-        terms = start if isinstance(start, Terms) else self.terms(start, stood=stood)
+        """A set at its most likely parameters near those of ``start``, the share there and the log density.
+        ``rounds``: in which what had stood off is found beside itself, at most."""
+        terms = start if isinstance(start, Terms) else self._begun(start)
         terms, best, share = self._beside_what_stood(terms, *self.likeliest_share(terms), rounds)
         damping = 1e-3
         for _ in range(steps if terms.entries else 0):
@@ -284,32 +153,55 @@ class Likelihood(Density):
                 step = information.damped(damping).solve(slope)
                 if slope.along(step).item() / 2 < LEAST_GAIN:  # what it would gain were all normal
                     break
-                entries = _moved(terms.entries, step.common[0, :, 0])
-                near = self._near(terms, entries)
+                near = self._near(terms, _moved(terms.entries, step.common[0, :, 0]))
                 gained = self._log_joints(near, [share])[share] - best
                 if gained > 0:
-                    terms, damping = self.terms(entries, terms.moments.moving, terms.stood), max(damping / 5, 1e-6)
-                    terms, best, share = self._beside_what_stood(terms, *self.likeliest_share(terms, share), 1)
+                    terms, best, share = self._stepped(near, best, share)
+                    damping = max(damping / 5, 1e-6)
                     break
                 damping = max(damping, 1e-3) * 10
             if gained < LEAST_GAIN:
                 break
         return terms, share, best
 
+    def _begun(self, start: Sequence[SizedEffect] | Begun) -> Terms:
+        begun = start if isinstance(start, Begun) else Begun(start)
+        return self.terms(begun.entries, begun.moving, begun.stood)
+
+    def _stepped(self, near: Terms, best: float, share: float) -> tuple[Terms, float, float]:
+        """The set at the parameters of ``near``, beside what most likely had stood off then, the log density and the
+        share; beside what had stood off before the step where that loses what the step gained."""
+        stood, _ = self._likeliest_stood(near, share)
+        way = []
+        for one in (stood, near.stood):
+            terms = self.terms(near.entries, near.moments.moving, one)
+            way.append((terms, *self.likeliest_share(terms, share)))
+            if way[-1][1] > best or one is near.stood:
+                break
+        return max(way, key=lambda one: one[1])
+
+    def _likeliest_stood(self, terms: Terms, share: float) -> tuple[tuple[Stood, ...], float]:
+        """By run what most likely had stood off as a voltage, where it is linear, and by how much at most that differs
+        from what it is linear beside, in prior deviations. It is found as if it explained the records: one that is
+        explained in part is an outlier."""
+        if not any(stands_off(effect) for effect, _ in terms.entries):
+            return terms.stood, 0.0
+        amounts = self.explaining(terms, share).before[0, :, :, 0]
+        stood = tuple(stood_of(terms.entries, mine, one[: len(mine)])
+                      for mine, one in zip(terms.of_effects, amounts, strict=True))  # fmt: skip
+        moved = [amounts_stood(terms.entries, mine, now) - amounts_stood(terms.entries, mine, then)
+                 for mine, now, then in zip(terms.of_effects, stood, terms.stood, strict=True)]  # fmt: skip
+        farthest = float(np.abs(np.concatenate(moved)).max(initial=0.0))
+        return (terms.stood, 0.0) if farthest < SETTLED else (stood, farthest)
+
     def _beside_what_stood(self, terms: Terms, best: float, share: float, rounds: int) -> tuple[Terms, float, float]:
         """The set beside what most likely had stood off before each record as a voltage, the log density then and the
-        share: much of it does not do in proportion what a little does. It is found as if it explained the records: one
-        that is explained in part is an outlier. Where it does not settle, the likeliest on the way counts."""
-        if not any(stands_off(effect) for effect, _ in terms.entries):
-            return terms, best, share
-        way, of = [(terms, best, share)], [one.of_effects for one in self.simulated(terms)]
+        share: much of it does not do in proportion what a little does. Where it does not settle, the likeliest on the
+        way counts."""
+        way = [(terms, best, share)]
         for _ in range(rounds):
-            amounts = self.explaining(terms, share).before[0, :, :, 0]
-            stood = [stood_of(terms.entries, mine, one[: len(mine)]) for mine, one in zip(of, amounts, strict=True)]
-            moved = [amounts_stood(terms.entries, mine, now) - amounts_stood(terms.entries, mine, then)
-                     for mine, now, then in zip(of, stood, terms.stood, strict=True)]  # fmt: skip
-            farthest = float(np.abs(np.concatenate(moved)).max(initial=0.0))
-            if farthest < SETTLED:
+            stood, farthest = self._likeliest_stood(terms, share)
+            if stood is terms.stood:
                 return way[-1]
             terms = self.terms(terms.entries, terms.moments.moving, stood)
             best, share = self.likeliest_share(terms, share)
@@ -368,23 +260,6 @@ class Likelihood(Density):
         normal, _ = self.information(terms, shares, held_out)
         volume = 0.5 * (len(terms.prior.centre) * np.log(2 * np.pi) - normal.log_determinant)
         return np.asarray(self.log_joint(terms, shares, held_out) + volume)
-
-
-def _like(alike: Sequence[tuple[SizedEffect, float]], run: BlockedRun) -> Samples:
-    """Coefficients (n, k) of all that some effects may take, one prior deviation of a parameter each, for 1 um of what
-    each adds."""
-    each = [run.simulated([e]).of_tangents(len(e[0].parameters)) * fault_deviations(e) / um for e, um in alike]
-    return np.concatenate([np.zeros((run.edges[-1], 0)), *each], axis=1)
-
-
-def _scaled(factor: float, make: MakeColumns, run: BlockedRun) -> Samples:
-    return factor * make(run)
-
-
-def _squares(run: BlockedRun, columns: Samples) -> float:
-    """Summed squares of columns (n, k) over the octaves of a run, of all columns together."""
-    octaves = slice(run.first_octave, None)
-    return float(run.sizes[octaves] @ np.trace(run.products(columns, columns)[octaves], axis1=1, axis2=2))
 
 
 def _log_sum(logs: Samples) -> float:

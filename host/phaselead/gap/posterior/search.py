@@ -11,14 +11,14 @@ import numpy as np
 from phaselead.gap.base_refit import base_columns
 from phaselead.gap.error_rates import SURE
 from phaselead.gap.parameters import SizedEffect, stands_at_an_end
-from phaselead.gap.posterior.before import LEAST_STANDING, Stood, stands_off
+from phaselead.gap.posterior.before import LEAST_STANDING, stands_off
 from phaselead.gap.posterior.blocks import blocked
 from phaselead.gap.posterior.detectable import detectable
 from phaselead.gap.posterior.expected import expected_of
 from phaselead.gap.posterior.levels import in_no_session, zeros_of_sessions
 from phaselead.gap.posterior.likelihood import Likelihood
 from phaselead.gap.posterior.priors import log_prior_of_set
-from phaselead.gap.posterior.sets import Fit, Names, confused, has_history, names_of
+from phaselead.gap.posterior.sets import Begun, Fit, Names, confused, has_history, names_of
 from phaselead.gap.posterior.starts import Start, Starts
 from phaselead.gap.residual import ModelledRun
 from phaselead.model import Effect
@@ -156,7 +156,7 @@ def exchange(starts: Starts, pool: dict[Names, Fit]) -> None:
             rivals = {name for name in rivals if tuple(sorted((*names_of(others), name))) not in pool}
             if not rivals:
                 continue
-            rest = likelihood.fit(others, stood=pool[best].terms.stood)
+            rest = likelihood.fit(Begun(others, pool[best].terms.stood))
             for name, several in starts.beside(rest).items():
                 fit = _grown(likelihood, rest, several) if name in rivals else None
                 if fit is not None:
@@ -166,23 +166,22 @@ def exchange(starts: Starts, pool: dict[Names, Fit]) -> None:
 
 
 def _grown(likelihood: Likelihood, parent: Fit, starts: Sequence[Start]) -> Fit | None:
-    """A set and one effect more, from the best of its starts; None where none can be fitted within its range."""
+    """A set and one effect more, from the best of its starts that stays within its range; None where none does."""
     rough = []
     for start in starts:
         try:
-            rough.append(
-                likelihood.fitted_terms([*parent.entries, start.entry], ROUGH_STEPS, parent.terms.stood, LEAST_STANDING)
-            )
+            begun = Begun([*parent.entries, start.entry], parent.terms.stood)
+            rough.append(likelihood.fitted_terms(begun, ROUGH_STEPS, LEAST_STANDING))
         except np.linalg.LinAlgError:
             continue
-    if not rough:
-        return None
-    terms, _, _ = max(rough, key=lambda one: one[2])
-    try:
-        fit = likelihood.fit(terms)
-    except np.linalg.LinAlgError:
-        return None
-    return None if at_an_end(fit.entries) else fit
+    for terms, _, _ in sorted(rough, key=lambda one: -one[2]):
+        try:
+            fit = likelihood.fit(terms)
+        except np.linalg.LinAlgError:
+            continue
+        if not at_an_end(fit.entries):
+            return fit
+    return None
 
 
 def _last_contest(likelihood: Likelihood, pool: Mapping[Names, Fit], catalogue_size: int) -> Contest:
@@ -194,7 +193,7 @@ def _last_contest(likelihood: Likelihood, pool: Mapping[Names, Fit], catalogue_s
     ranked = sorted(pool, key=lambda names: -contest.log_posterior(names))
     least = contest.log_posterior(ranked[0]) - WITHIN
     close = [pool[names] for names in ranked[:MOST_CONTESTED] if contest.log_posterior(names) > least]
-    starts: dict[Names, list[_Begun]] = {(): [((), ())], **{fit.names: [_begun(fit)] for fit in close}}
+    starts: dict[Names, list[Begun]] = {(): [Begun(())], **{fit.names: [fit.begun] for fit in close}}
     seen = {effect.name: (effect, params) for fit in reversed(close) for effect, params in fit.entries}
     likelihood = likelihood.knowing([entry for entry in seen.values() if entry not in likelihood.known])
     best, tried = close[0], set[Names]()
@@ -203,24 +202,16 @@ def _last_contest(likelihood: Likelihood, pool: Mapping[Names, Fit], catalogue_s
         for i in range(len(best.entries)):
             rest = (*best.entries[:i], *best.entries[i + 1 :])
             grown = pool.get(names_of(rest))
-            known = starts.setdefault(names_of(rest), [] if grown is None else [_begun(grown)])
+            known = starts.setdefault(names_of(rest), [] if grown is None else [grown.begun])
             if rest:  # a set that grew in one way may have missed what another way leads to
-                known.append((rest, best.terms.stood))
-            starts = {**{fit.names: [_begun(fit)] for fit in _exchanged(pool, best.entries, i)}, **starts}
+                known.append(Begun(rest, best.terms.stood))
+            starts = {**{fit.names: [fit.begun] for fit in _exchanged(pool, best.entries, i)}, **starts}
         among = _beyond_beside(likelihood.with_misfit_of(best.entries), contest)
         fits = {names: _fitted(among, several) for names, several in starts.items()}
         contest = Contest(among, fits, catalogue_size)
-        starts = {names: [_begun(fit)] for names, fit in fits.items()}
+        starts = {names: [fit.begun] for names, fit in fits.items()}
         best = max(contest.fits.values(), key=lambda fit: contest.log_posterior(fit.names))
     return contest
-
-
-_Begun = tuple[Sequence[SizedEffect], Sequence[Stood]]
-"""Where a fit begins: the effects with their parameters, and what had stood off by run."""
-
-
-def _begun(fit: Fit) -> _Begun:
-    return fit.entries, fit.terms.stood
 
 
 def _beyond_beside(likelihood: Likelihood, contest: Contest) -> Likelihood:
@@ -233,12 +224,11 @@ def _beyond_beside(likelihood: Likelihood, contest: Contest) -> Likelihood:
     return likelihood.missing_beyond(likeliest.entries, likeliest.terms.stood)
 
 
-def _fitted(likelihood: Likelihood, starts: Sequence[_Begun]) -> Fit:
+def _fitted(likelihood: Likelihood, starts: Sequence[Begun]) -> Fit:
     """A set fitted from the start that is the most likely before."""
-    entries, stood = starts[0]
-    if len(starts) > 1:
-        entries, stood = max(starts, key=lambda one: likelihood.fitted_terms(one[0], 0, one[1])[2])
-    return likelihood.fit(entries, stood=stood)
+    if len(starts) == 1:
+        return likelihood.fit(starts[0])
+    return likelihood.fit(max(starts, key=lambda one: likelihood.fitted_terms(one, 0)[2]))
 
 
 def _exchanged(pool: Mapping[Names, Fit], entries: Sequence[SizedEffect], index: int) -> list[Fit]:

@@ -33,6 +33,18 @@ class Settled:
 
 
 @dataclass(frozen=True)
+class Begun:
+    """Where the fit of a set of effects begins."""
+
+    entries: Sequence[SizedEffect]
+    stood: Sequence[Stood] = ()
+    """By run about what they had done before it as voltages; by default nothing."""
+    moving: Samples | None = None
+    """(runs, b) 1 for what still goes on of what had been done before, as it was found for this set; by default that is
+    not known."""
+
+
+@dataclass(frozen=True)
 class Terms:
     """A set of effects at some parameters, block by block."""
 
@@ -48,6 +60,8 @@ class Terms:
     prior: Prior
     stood: tuple[Stood, ...]
     """By run what the effects had done before it as voltages, beside which all of this is linear."""
+    of_effects: tuple[tuple[int, ...], ...]
+    """By run the entry that each of its columns before is of."""
     levels_say: bool = True
     """Whether levels count."""
     settled: dict[tuple[float, bool], Settled] = field(default_factory=dict)
@@ -93,6 +107,11 @@ class Fit:
     def entries(self) -> tuple[SizedEffect, ...]:
         """The effects and their parameters."""
         return self.terms.entries
+
+    @property
+    def begun(self) -> Begun:
+        """Where a fit of the same set would begin beside something else."""
+        return Begun(self.entries, self.terms.stood, self.terms.moments.moving)
 
     @property
     def names(self) -> Names:

@@ -11,12 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phaselead.gap.parameters import SizedEffect, bounded
+from phaselead.gap.posterior.beside import Beside, Histories, Left, histories_of
 from phaselead.gap.posterior.blocks import BlockedRun
 from phaselead.gap.posterior.levels import about_their_sessions
 from phaselead.gap.posterior.likelihood import Likelihood
-from phaselead.gap.posterior.moments import Amounts
+from phaselead.gap.posterior.missed import is_of_material, log_prior_of_share, shares_of
 from phaselead.gap.posterior.priors import FLEXURE_ZETA, KNOWN_BEFORE, LARGEST, SIZES
-from phaselead.gap.posterior.sets import Fit
+from phaselead.gap.posterior.sets import Fit, Terms, has_history
 from phaselead.gap.posterior.shapes import Shapes
 from phaselead.gap.regressors import MODE_GRID_RATIO, RegressorGroup, regressor_groups, typical_sizes
 from phaselead.model import Effect
@@ -78,6 +79,11 @@ class Starts:
         groups = at_all_sizes(regressor_groups(self.effects, self.likelihood.step_s, longest_s))
         return Shapes(groups, self._of(groups))
 
+    @cached_property
+    def _histories(self) -> Histories:
+        """Of the shapes that are looked at."""
+        return histories_of(self.likelihood.runs, self.shapes.groups)
+
     def _of(self, groups: Sequence[RegressorGroup]) -> list[NDArray[np.float32]]:
         """Per run the coefficients (n, k) of every group, their levels about those of the session."""
         runs, found, levels = self.likelihood.runs, [], []
@@ -102,7 +108,10 @@ class Starts:
     def beside(self, fit: Fit) -> dict[str, list[Start]]:
         """The best different shapes of every effect that is not in a set, the effect that explains most first."""
         found: dict[str, list[Start]] = {}
-        for start in self._sized(fit, self.shapes.groups, self.shapes.columns):
+        for start in [
+            *self._sized(fit, self.shapes.groups, self.shapes.columns, self._histories),
+            *(self._as_if_explained(fit) if self.with_outliers else []),
+        ]:
             name = start.entry[0].name
             if name not in fit.names:
                 found.setdefault(name, []).append(start)
@@ -110,7 +119,7 @@ class Starts:
         return dict(sorted(chosen.items(), key=lambda item: -item[1][0].gain))
 
     def _chosen(self, fit: Fit, starts: Sequence[Start]) -> list[Start]:
-        ranked = sorted(starts, key=lambda start: (not start.of_size, -start.gain))
+        ranked = sorted(starts, key=_rank)
         effect = ranked[0].entry[0]
         if effect.peak is None:
             best_of_form = {_form_of(start): start for start in reversed(ranked)}.values()
@@ -149,16 +158,72 @@ class Starts:
             found.append(SizedGroup(group, amount, deviation))
         return found
 
-    def _sized(self, fit: Fit, groups: Sequence[RegressorGroup], columns: Sequence[NDArray[np.float32]]) -> list[Start]:
+    def _sized(
+        self,
+        fit: Fit,
+        groups: Sequence[RegressorGroup],
+        columns: Sequence[NDArray[np.float32]],
+        histories: Histories | None = None,
+    ) -> list[Start]:
         """Every group with the sizes that explain most of what a set leaves."""
+        told = self.moments(fit, groups, columns, histories=histories)
+        return [self._likeliest_of(*one).start for one in told]
+
+    def _likeliest_of(self, group: RegressorGroup, slope: Samples, curvature: Samples) -> _Amounts:
+        """The sizes of a group that explain most, whether what its effect had done before the records still goes on or
+        is over in all of them."""
+        linear, sizes = group.effect.basis is not None, len(group.steps)
+        unit, far_out = _in_typical_sizes(group), linear and self.with_outliers
+        amounts, gain = _likeliest(slope[:sizes], curvature[:sizes, :sizes], unit, far_out)
+        every, log_volume = np.append(amounts, np.zeros(len(slope) - sizes)), 0.0
+        if len(slope) > sizes:
+            history = _History.of(slope, curvature, sizes)
+            going_on, more = _likeliest(history.slope, history.curvature, unit, far_out)
+            if more + history.gain > gain:
+                amounts, gain, log_volume = going_on, more + history.gain, history.log_volume
+                every = np.append(amounts, history.amounts(amounts))
+        params = bounded(group.effect, group.params(amounts.tolist()))
+        of_size = linear or bool(1 / APART <= np.abs(amounts).max() <= APART)
+        return _Amounts(Start((group.effect, params), gain, of_size), every, log_volume)
+
+    def _as_if_explained(self, fit: Fit) -> list[Start]:
+        """The best shape of every effect, but of modes, where it is taken to explain what the set leaves, and what that
+        brings: what the set calls outliers, or puts down to what its equations miss, says little of an effect before
+        that is there."""
+        likelihood, terms = self.likelihood, fit.terms
+        variance = likelihood.variance(terms, shares_of(fit.entries)[:1])
+        weights = likelihood.weights(np.zeros_like(variance[:, 0]), variance)[0]
+        beside = Beside(likelihood, terms, weights, self.shapes.groups, self.shapes.columns, self._histories)
+        best: dict[str, tuple[int, _Amounts]] = {}
+        for which, group in enumerate(self.shapes.groups):
+            name = group.effect.name
+            if name in fit.names or group.effect.peak is not None:
+                continue
+            one = self._likeliest_of(group, *beside.told(which))
+            if name not in best or _rank(one.start) < _rank(best[name][1].start):
+                best[name] = which, one
+        levelled = likelihood.likeliest_share(terms, fit.share)[0]
+        level_free = likelihood.likeliest_share(replace(terms, levels_say=False, settled={}), fit.share)[0]
         found = []
-        for group, slope, curvature in self.moments(fit, groups, columns):
-            linear = group.effect.basis is not None
-            amounts, gain = _likeliest(slope, curvature, _in_typical_sizes(group), linear and self.with_outliers)
-            params = bounded(group.effect, group.params(amounts.tolist()))
-            of_size = linear or bool(1 / APART <= np.abs(amounts).max() <= APART)
-            found.append(Start((group.effect, params), gain, of_size))
+        for which, one in best.values():
+            entries = (*fit.entries, one.start.entry)
+            was = level_free if has_history(entries) else levelled
+            gain = self._brought(terms, beside.left(which, one.every), one, entries) - (was - terms.prior.log_density)
+            found.append(replace(one.start, gain=float(gain)))
         return found
+
+    def _brought(self, terms: Terms, left: Left, one: _Amounts, entries: tuple[SizedEffect, ...]) -> float:
+        """Log density of the records and of all amounts, under the likeliest share of what equations miss."""
+        likelihood, shares = self.likelihood, shares_of(entries)
+        material = terms.of_material + is_of_material(entries[-1:])[0] * left.added
+        with_it = replace(terms, entries=entries, signal=terms.signal + left.added, of_material=material, settled={})
+        power = np.tile(left.power, (len(shares), 1))
+        logs = likelihood.log_density(power, likelihood.variance(with_it, shares))
+        logs += [log_prior_of_share(entries, share) for share in shares]
+        effect, params = entries[-1]
+        typical = np.array([params[p.name] / p.typical for p in effect.sizes])
+        of_sizes = -0.5 * float(np.minimum(typical**2 / LARGEST**2, 2 * np.log1p((typical / LARGEST) ** 2)).sum())
+        return float(logs.max()) + left.log_prior + one.log_volume + of_sizes
 
     def moments(
         self,
@@ -166,40 +231,64 @@ class Starts:
         groups: Sequence[RegressorGroup],
         columns: Sequence[NDArray[np.float32]],
         independent: Samples | float = 1.0,
+        histories: Histories | None = None,
     ) -> list[tuple[RegressorGroup, Samples, Samples]]:
         """Per group the slope (sizes,) and curvature (sizes, sizes) of the log density, all parameters of the set
-        moving along. Of what a block says only the share ``independent`` (blocks,) counts."""
-        likelihood, terms = self.likelihood, fit.terms
-        settled = likelihood.settled(terms, [fit.share])
-        w = independent * likelihood.weights(settled.power, settled.variance)[0]
-        normal, right = terms.moments.normal(w[None], terms.prior.precision)
-        p, c, k = terms.moments.tangents, normal.common.shape[1], columns[0].shape[1]
-        common, before = np.zeros((c + 1, k)), np.zeros((*normal.before.shape[1:3], k))
-        own = [np.zeros((len(group.steps),) * 2) for group in groups]
-        places = np.split(np.arange(k), np.cumsum([len(group.steps) for group in groups])[:-1])
-        of_runs = np.split(w, terms.moments.runs[1:-1])
-        simulated = likelihood.simulated(fit.terms)
-        parts = zip(likelihood.runs, of_runs, simulated, likelihood.first_rows(simulated), strict=True)
-        for i, (run, mine, of_run, first) in enumerate(parts):
-            if not run.changed:
-                continue
-            roots = np.repeat(np.sqrt(mine / run.sizes), run.sizes)[:, None].astype(np.float32)
-            tangents, residual = of_run.columns[:, :p], of_run.columns[:, -1:]
-            of_set = np.concatenate([tangents, likelihood.shared[i], residual, of_run.before], axis=1)
-            of_set[0] = np.concatenate([first[:p], likelihood.shared[i][0], first[-1:], first[p:-1]])
-            weighed = columns[i] * roots
-            cross = (of_set.astype(np.float32) * roots).T @ weighed
-            common += cross[: c + 1]
-            before[i] = cross[c + 1 :] * terms.moments.moving[i][:, None]
-            for at, products in zip(places, own, strict=True):
-                products += weighed[:, at].T @ weighed[:, at]
-        with_set = Amounts(common[None, :-1], before[None])
-        slopes = common[-1] - with_set.along(normal.solve(right))[0, :, 0]
-        taken = with_set.along(normal.solve(with_set))[0]
-        return [
-            (group, slopes[at], products - taken[np.ix_(at, at)])
-            for group, at, products in zip(groups, places, own, strict=True)
-        ]
+        moving along. Of what a block says only the share ``independent`` (blocks,) counts. Behind the sizes stand, with
+        ``histories``, the amounts of what the effect had done before each record."""
+        settled = self.likelihood.settled(fit.terms, [fit.share])
+        weights = independent * self.likelihood.weights(settled.power, settled.variance)[0]
+        beside = Beside(self.likelihood, fit.terms, weights, groups, columns, histories)
+        return [(group, *beside.told(which)) for which, group in enumerate(groups)]
+
+
+@dataclass(frozen=True)
+class _Amounts:
+    """A start, and the amounts of its columns."""
+
+    start: Start
+    every: Samples
+    """(sizes and histories,)"""
+    log_volume: float
+    """Of its histories, where they go on."""
+
+
+@dataclass(frozen=True)
+class _History:
+    """What is told of sizes where the amounts behind them, of a prior deviation of 1, are integrated out."""
+
+    slope: Samples
+    """(sizes,)"""
+    curvature: Samples
+    """(sizes, sizes)"""
+    gain: float
+    """Log units that the amounts bring by themselves."""
+    log_volume: float
+    by_themselves: Samples
+    """(h,) amounts, and by how much they change with the sizes, (h, sizes)."""
+    with_sizes: Samples
+
+    @classmethod
+    def of(cls, slope: Samples, curvature: Samples, sizes: int) -> _History:
+        """From slope and curvature over the sizes and what is behind them."""
+        precision = curvature[sizes:, sizes:] + np.eye(len(slope) - sizes)
+        right = np.column_stack([slope[sizes:], curvature[sizes:, :sizes]])
+        across: Samples = np.asarray(np.linalg.solve(precision, right), dtype=np.float64)
+        log_volume = -0.5 * float(np.linalg.slogdet(precision)[1])
+        left = curvature[:sizes, sizes:] @ across
+        return cls(
+            slope[:sizes] - left[:, 0], curvature[:sizes, :sizes] - left[:, 1:],
+            0.5 * float(slope[sizes:] @ across[:, 0]) + log_volume, log_volume, across[:, 0], across[:, 1:],
+        )  # fmt: skip
+
+    def amounts(self, sizes: Samples) -> Samples:
+        """(h,) where the sizes are these."""
+        return np.asarray(self.by_themselves - self.with_sizes @ sizes)
+
+
+def _rank(start: Start) -> tuple[bool, float]:
+    """By which starts are taken, the lowest first."""
+    return not start.of_size, -start.gain
 
 
 def _likeliest(slope: Samples, curvature: Samples, unit: float, far_out: bool) -> tuple[Samples, float]:

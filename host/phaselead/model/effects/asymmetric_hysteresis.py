@@ -77,7 +77,15 @@ EFFECT = Effect(
         Parameter("bend", "of range", 0.02, -0.3, 0.3, doc="curvature that both branches share, as a sag at mid-range"),
         Parameter("skew", "of range", 0.01, -0.3, 0.3, doc="loop width that one end has and the other lacks"),
         Parameter(
-            "reach", "1", 0.4, 0.05, 0.5, role="shape", log=True, doc="largest threshold of the skewed plays, in q"
+            "reach",
+            "1",
+            0.4,
+            0.05,
+            0.5,
+            role="shape",
+            log=True,
+            may_be_highest=True,  # a larger one would not move within the range
+            doc="largest threshold of the skewed plays, in q",
         ),
     ),
     derived=(Derived("bow_um", "um", _bow_um, doc="sag at mid-range from a straight line over the range"),),

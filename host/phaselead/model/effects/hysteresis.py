@@ -113,7 +113,15 @@ EFFECT = Effect(
             doc="travel that goes with the loop beside what its plays take off, gained below 0; alone a change of gain",
         ),
         Parameter(
-            "reach", "1", 0.5, 0.02, 1.0, role="shape", log=True, doc="largest threshold, of half the voltage range"
+            "reach",
+            "1",
+            0.5,
+            0.02,
+            1.0,
+            role="shape",
+            log=True,
+            may_be_highest=True,  # a larger one would not move within the range
+            doc="largest threshold, of half the voltage range",
         ),
         Parameter("slope", "1", 0.0, -6.0, 6.0, role="shape", doc="above 0: more of the large thresholds"),
         Parameter(

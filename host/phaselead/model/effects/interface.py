@@ -6,8 +6,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
-from typing import Literal
+from typing import Any, Literal, TypeVar, cast
 
 import numpy as np
 
@@ -50,6 +49,8 @@ STOOD_OFF = 0.3
 """Of its range: deviation of where a stage had stood before a record began from where it stands then, as of two places
 drawn anywhere in the range: 1 / sqrt(6) apart, less as it lingers."""
 
+T = TypeVar("T")
+
 Entry = tuple["Effect", Params]
 """An effect and all of its parameters."""
 
@@ -83,10 +84,17 @@ class Signal:
     """All effects of this run."""
     pushes: Mapping[str, Signal] = field(default_factory=dict)
     """At the mechanics of a stage whose axes share modes: of every axis, this one too, what pushes them."""
+    _known: dict[Callable[..., Any], Any] = field(default_factory=dict, init=False, compare=False, repr=False)
+    """What is known of its axis and its recorded voltage, by what works it out; ``carrying`` shares it."""
+
+    def _once(self, of: Callable[..., T], *given: object) -> T:
+        """``of(*given)``, which depends on the axis and the recorded voltage alone."""
+        if of not in self._known:
+            self._known[of] = of(*given)
+        return cast(T, self._known[of])
 
     def carrying(self, value: Samples, drive_V: Samples | None) -> Signal:
-        """The same record with another signal in it: ``dataclasses.replace`` for the many runs of a search. What is
-        cached of a signal depends on its axis and its recorded voltage alone, and is carried along."""
+        """The same record with another signal in it: ``dataclasses.replace`` for the many runs of a search."""
         other = object.__new__(Signal)
         other.__dict__.update(self.__dict__, value=value, drive_V=drive_V)
         return other
@@ -127,20 +135,20 @@ class Signal:
         offset_V = view.field.at(self.driven_V[0]) - view.field.at(self.u_V[0])
         return offset_V + (rest_plays(view) if self.plays_V is None else self.plays_V)
 
-    @cached_property
+    @property
     def rest_um(self) -> float:
         """Position at rest at 0 V, of the base model."""
-        return rest_position_um(self.axis.time) if self.axis.time is not None else 0.0
+        return self._once(rest_position_um, self.axis.time) if self.axis.time is not None else 0.0
 
-    @cached_property
+    @property
     def range_um(self) -> float:
         """Quasi-static travel over the voltages the base was fitted on: what "of range" means."""
-        return range_um(self.axis)
+        return self._once(range_um, self.axis)
 
-    @cached_property
+    @property
     def code_grid(self) -> CodeGrid:
         """Which codes of the output converter the recorded voltages belong to."""
-        return code_grid(self.axis.actuator, self.u_V)
+        return self._once(code_grid, self.axis.actuator, self.u_V)
 
     @property
     def displacement_um(self) -> Samples:

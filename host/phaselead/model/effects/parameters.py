@@ -31,6 +31,8 @@ class Parameter:
     doc: str = ""
     between_forms: bool = False
     """Of a shape: whether both ends of its range are forms of the effect, no limits of what a stage can be."""
+    may_be_highest: bool = False
+    """Of a shape: whether an ordinary stage may have the highest value, beyond which geometry leaves nothing to see."""
     absorbed_by_refit: bool = False
     """Whether a base that is refitted together with the effect takes it over. It is then fitted only where the base is
     frozen or held by reference records."""
