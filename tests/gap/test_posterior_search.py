@@ -126,6 +126,7 @@ class Weighed:
             levels=lambda held_out: 0.0,
             terms=SimpleNamespace(stood=()),
             begun=Begun(entries),
+            begun_without=lambda i: Begun((*entries[:i], *entries[i + 1 :])),
         )
 
     def missing_beyond(self, entries, stood):

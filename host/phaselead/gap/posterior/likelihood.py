@@ -115,9 +115,12 @@ class Likelihood(MayMiss):
         normal, _ = self.information(terms, shares, independent=independent)
         return np.asarray(np.linalg.inv(normal.reduced))
 
-    def fit(self, start: Sequence[SizedEffect] | Begun | Terms, steps: int = STEPS) -> Fit:
-        """The most likely parameters near those of ``start``, which may be terms of this likelihood."""
-        terms, share, _ = self.fitted_terms(start, steps)
+    def fit(
+        self, start: Sequence[SizedEffect] | Begun | Terms, steps: int = STEPS, least_gain: float = LEAST_GAIN
+    ) -> Fit:
+        """The most likely parameters near those of ``start``, which may be terms of this likelihood; ``least_gain`` in
+        log units ends the search for them."""
+        terms, share, _ = self.fitted_terms(start, steps, least_gain=least_gain)
         moving = terms.moments.moving
         if not moving.size:
             return self.judged(terms, share)
@@ -129,17 +132,21 @@ class Likelihood(MayMiss):
         for begun in (moving, *([] if known else [np.zeros_like(moving)])):
             near, near_share = terms.where_moving(begun), share
             if not begun.all() and not known:
-                near, near_share, _ = self.fitted_terms(near, steps)
+                near, near_share, _ = self.fitted_terms(near, steps, least_gain=least_gain)
             chosen, _ = self._moving(near, near_share)
             if chosen.tobytes() in found:
                 continue
             if not np.array_equal(chosen, begun):
-                near, near_share, _ = self.fitted_terms(near.where_moving(chosen), steps)
+                near, near_share, _ = self.fitted_terms(near.where_moving(chosen), steps, least_gain=least_gain)
             found[chosen.tobytes()] = self.judged(near, near_share)
         return max(found.values(), key=lambda fit: fit.log_evidence)
 
     def fitted_terms(
-        self, start: Sequence[SizedEffect] | Begun | Terms, steps: int = STEPS, rounds: int = STANDING
+        self,
+        start: Sequence[SizedEffect] | Begun | Terms,
+        steps: int = STEPS,
+        rounds: int = STANDING,
+        least_gain: float = LEAST_GAIN,
     ) -> tuple[Terms, float, float]:
         """A set at its most likely parameters near those of ``start``, the share there and the log density.
         ``rounds``: in which what had stood off is found beside itself, at most."""
@@ -151,7 +158,7 @@ class Likelihood(MayMiss):
             gained = 0.0
             for _ in range(DAMPINGS):
                 step = information.damped(damping).solve(slope)
-                if slope.along(step).item() / 2 < LEAST_GAIN:  # what it would gain were all normal
+                if slope.along(step).item() / 2 < least_gain:  # what it would gain were all normal
                     break
                 near = self._near(terms, _moved(terms.entries, step.common[0, :, 0]))
                 gained = self._log_joints(near, [share])[share] - best
@@ -160,7 +167,7 @@ class Likelihood(MayMiss):
                     damping = max(damping / 5, 1e-6)
                     break
                 damping = max(damping, 1e-3) * 10
-            if gained < LEAST_GAIN:
+            if gained < least_gain:
                 break
         return terms, share, best
 

@@ -26,8 +26,9 @@ from phaselead.model import Effect
 BEAM, LARGEST_SET, TRIED_BESIDE, TRIED_ALONE = 2, 4, 4, 9
 """Sets that grow at a time, the most effects of one, and how many effects are tried beside a set and alone: what the
 time for an answer allows."""
-ROUGH_STEPS = 2
-"""In which every start is tried before the best is fitted to the end."""
+ROUGH_STEPS, ROUGH_GAIN = 2, 0.5
+"""Steps in which every start is tried before the best is fitted, and log units of a step that end that: the last
+contest fits to the end."""
 WITHIN, MOST_CONTESTED = 15.0, 12
 """Log units behind the best set, beyond which a set has no part in the last contest (a probability of e^-15), and the
 most sets in it."""
@@ -150,13 +151,13 @@ def exchange(starts: Starts, pool: dict[Names, Fit]) -> None:
     contest = Contest(likelihood, pool, len(starts.effects))
     for _ in range(EXCHANGES):
         best = max(pool, key=contest.log_posterior)
-        for effect, _ in pool[best].entries:
-            others = [entry for entry in pool[best].entries if entry[0] is not effect]
+        for i, (effect, _) in enumerate(pool[best].entries):
+            begun = pool[best].begun_without(i)
             rivals = {one.name for one in starts.effects if one.name not in best and confused(effect, one)}
-            rivals = {name for name in rivals if tuple(sorted((*names_of(others), name))) not in pool}
+            rivals = {name for name in rivals if tuple(sorted((*names_of(begun.entries), name))) not in pool}
             if not rivals:
                 continue
-            rest = likelihood.fit(Begun(others, pool[best].terms.stood))
+            rest = likelihood.fit(begun, least_gain=ROUGH_GAIN)
             for name, several in starts.beside(rest).items():
                 fit = _grown(likelihood, rest, several) if name in rivals else None
                 if fit is not None:
@@ -169,14 +170,15 @@ def _grown(likelihood: Likelihood, parent: Fit, starts: Sequence[Start]) -> Fit 
     """A set and one effect more, from the best of its starts that stays within its range; None where none does."""
     rough = []
     for start in starts:
+        begun = parent.begun.and_one(start.entry)
         try:
-            begun = Begun([*parent.entries, start.entry], parent.terms.stood)
-            rough.append(likelihood.fitted_terms(begun, ROUGH_STEPS, LEAST_STANDING))
+            terms, _, log_density = likelihood.fitted_terms(begun, ROUGH_STEPS, LEAST_STANDING)
         except np.linalg.LinAlgError:
             continue
-    for terms, _, _ in sorted(rough, key=lambda one: -one[2]):
+        rough.append((log_density, terms if begun.moving is None else terms.begun))
+    for _, begun_there in sorted(rough, key=lambda one: -one[0]):
         try:
-            fit = likelihood.fit(terms)
+            fit = likelihood.fit(begun_there, least_gain=ROUGH_GAIN)
         except np.linalg.LinAlgError:
             continue
         if not at_an_end(fit.entries):
@@ -200,11 +202,11 @@ def _last_contest(likelihood: Likelihood, pool: Mapping[Names, Fit], catalogue_s
     while best.names not in tried and len(tried) < CONTESTS:
         tried.add(best.names)
         for i in range(len(best.entries)):
-            rest = (*best.entries[:i], *best.entries[i + 1 :])
-            grown = pool.get(names_of(rest))
-            known = starts.setdefault(names_of(rest), [] if grown is None else [grown.begun])
-            if rest:  # a set that grew in one way may have missed what another way leads to
-                known.append(Begun(rest, best.terms.stood))
+            rest = best.begun_without(i)
+            names = names_of(rest.entries)
+            known = starts.setdefault(names, [pool[names].begun] if names in pool else [])
+            if rest.entries:  # a set that grew in one way may have missed what another way leads to
+                known.append(rest)
             starts = {**{fit.names: [fit.begun] for fit in _exchanged(pool, best.entries, i)}, **starts}
         among = _beyond_beside(likelihood.with_misfit_of(best.entries), contest)
         fits = {names: _fitted(among, several) for names, several in starts.items()}

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
+import numpy as np
+
 from phaselead.gap.parameters import SizedEffect
 from phaselead.gap.posterior.before import Stood
 from phaselead.gap.posterior.moments import Amounts, Moments
@@ -43,6 +45,11 @@ class Begun:
     """(runs, b) 1 for what still goes on of what had been done before, as it was found for this set; by default that is
     not known."""
 
+    def and_one(self, entry: SizedEffect) -> Begun:
+        """With one effect more: of what that had done before, it is not known."""
+        moving = self.moving if entry[0].before_record is None else None
+        return Begun((*self.entries, entry), self.stood, moving)
+
 
 @dataclass(frozen=True)
 class Terms:
@@ -66,6 +73,11 @@ class Terms:
     """Whether levels count."""
     settled: dict[tuple[float, bool], Settled] = field(default_factory=dict)
     """Where what is integrated out settles, by share and whether held-out records counted, once found."""
+
+    @property
+    def begun(self) -> Begun:
+        """Where a fit of the same set would begin."""
+        return Begun(self.entries, self.stood, self.moments.moving)
 
     def where_moving(self, moving: Samples) -> Terms:
         """The same where of what had been done before only this (runs, b) still goes on."""
@@ -111,7 +123,13 @@ class Fit:
     @property
     def begun(self) -> Begun:
         """Where a fit of the same set would begin beside something else."""
-        return Begun(self.entries, self.terms.stood, self.terms.moments.moving)
+        return self.terms.begun
+
+    def begun_without(self, index: int) -> Begun:
+        """Where a fit of the set less one of its effects would begin."""
+        entries = (*self.entries[:index], *self.entries[index + 1 :])
+        of_effects = np.array(max(self.terms.of_effects, key=len))
+        return Begun(entries, self.terms.stood, self.terms.moments.moving[:, of_effects != index])
 
     @property
     def names(self) -> Names:

@@ -1,0 +1,122 @@
+"""What an effect is expected to bring beside a set, before it is fitted there."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from test_what_stood_off import LEAK, LEAKS, elsewhere, reference, stood_off
+
+from phaselead.gap.posterior import Starts, likelihood_of, search
+from phaselead.gap.posterior.beside import Beside, Histories
+from phaselead.gap.posterior.priors import LARGEST
+from phaselead.gap.posterior.sets import Begun
+from phaselead.model.effects import effect
+
+CREEP, GAIN = effect("creep"), effect("gain_change")
+
+
+def records(*amounts):
+    """A leak in some records before which so much had leaked, in prior deviations."""
+    roles = ("train", *["holdout"] * (len(amounts) - 1))
+    return likelihood_of([reference(), *map(stood_off, amounts, roles)])
+
+
+@pytest.mark.parametrize("amounts", [(0.0, 0.0), (0.8, 0.8), (0.8, -0.8)])
+def test_of_an_effect_that_explains_all_most_is_expected_of_what_it_brings(amounts):
+    """To the set without it the records are outliers, of which each says little: of 240 to 270 log units a leak was
+    expected to bring 26, 4 and 1, and was not tried."""
+    likelihood = records(*amounts)
+    nothing = likelihood.fit(())
+    brings = likelihood.fit(LEAKS).log_evidence - nothing.log_evidence
+    expected = Starts(likelihood, [LEAK]).beside(nothing)["charge_leakage"][0]
+    assert 0.5 * brings < expected.gain < brings + 10
+    assert expected.entry[1]["rate_per_s"] == pytest.approx(0.05, rel=0.25)
+
+
+def test_of_nothing_nothing_is_expected():
+    likelihood = likelihood_of([reference(), reference(), stood_off(0.0)])
+    fit = likelihood.fit(LEAKS)
+    for name, several in Starts(likelihood, [LEAK, CREEP, GAIN]).beside(fit).items():
+        assert name != "charge_leakage"
+        assert several[0].gain < 5.0
+
+
+@pytest.mark.parametrize("beside_leak", [False, True])
+def test_the_likeliest_amounts_are_those_that_leave_least(beside_leak):
+    """Of sizes, of what had been done before each record, and of all that the set does then."""
+    likelihood = elsewhere()
+    starts, fit = Starts(likelihood, [CREEP, GAIN]), likelihood.fit(LEAKS if beside_leak else ())
+    settled = likelihood.settled(fit.terms, [fit.share])
+    weights = likelihood.weights(settled.power, settled.variance)[0]
+    groups = starts.shapes.groups
+    beside = Beside(likelihood, fit.terms, weights, groups, starts.shapes.columns, starts._histories)
+    rng = np.random.default_rng(4)
+
+    def cost(which, amounts):
+        left, sizes = beside.left(which, amounts), len(groups[which].steps)
+        return 0.5 * weights @ left.power - left.log_prior + 0.5 * amounts[:sizes] @ amounts[:sizes] / LARGEST**2
+
+    for which in (0, len(groups) - 1):
+        slope, curvature = beside.told(which)
+        assert len(slope) > len(groups[which].steps) or groups[which].effect is GAIN
+        precision = np.array([1 / LARGEST**2] * len(groups[which].steps) + [1.0] * len(slope))[: len(slope)]
+        likeliest = np.linalg.solve(curvature + np.diag(precision), slope)
+        least, none = cost(which, likeliest), cost(which, np.zeros(len(slope)))
+        assert none - least == pytest.approx(0.5 * slope @ likeliest, rel=1e-2, abs=1e-2)  # in single precision
+        for _ in range(5):
+            moved = rng.normal(size=len(slope)) * np.sqrt(np.diag(np.linalg.inv(curvature + np.diag(precision))))
+            assert cost(which, likeliest + moved) > least - 1e-6 * abs(least)
+
+
+@given(st.lists(st.lists(st.integers(0, 3), min_size=3, max_size=3), min_size=1, max_size=4), st.data())
+@settings(max_examples=50)
+def test_every_column_has_one_place(widths, data):
+    sizes = data.draw(st.lists(st.integers(1, 3), min_size=3, max_size=3))
+    histories = Histories([[np.zeros((2, width)) for width in of_run] for of_run in widths])
+    of_groups = histories.behind(sizes)
+    assert sorted(np.concatenate(of_groups).tolist()) == list(range(sum(sizes) + histories.count))
+    for i, of_run in enumerate(widths):
+        here = histories.of_run(sum(sizes), i)
+        assert [int(np.isin(at, here).sum()) for at in of_groups] == of_run
+
+
+def test_a_set_less_one_effect_begins_with_what_went_on_of_the_others():
+    likelihood = elsewhere()
+    fit = likelihood.fit([*LEAKS, (CREEP, {p.name: p.typical for p in CREEP.parameters})])
+    for i, (kept, _) in enumerate(reversed(fit.entries)):
+        begun = fit.begun_without(i)
+        assert [one for one, _ in begun.entries] == [kept]
+        terms = likelihood.terms(begun.entries, begun.moving, begun.stood)
+        assert terms.moments.moving.shape == begun.moving.shape
+        again = likelihood.terms(begun.entries, stood=begun.stood).moments.moving
+        assert again.shape == begun.moving.shape
+        of = np.array(fit.terms.of_effects[-1])
+        assert np.array_equal(begun.moving, fit.terms.moments.moving[:, of == 1 - i])
+
+
+def test_what_the_new_effect_had_done_before_is_not_known():
+    begun = Begun(LEAKS, moving=np.ones((3, 1)))
+    assert begun.and_one((GAIN, {"gain_change": 0.1})).moving is begun.moving
+    assert begun.and_one((CREEP, {})).moving is None
+
+
+def test_a_start_that_runs_to_an_end_of_its_range_leaves_the_other():
+    """The better start of two went to an end, and the set was lost."""
+    gains = (0.01, GAIN.sizes[0].high)
+    parent = SimpleNamespace(begun=Begun((), moving=np.zeros((1, 0))))
+    starts = [SimpleNamespace(entry=(GAIN, {GAIN.sizes[0].name: gain})) for gain in gains]
+
+    class Table:
+        def fitted_terms(self, start, steps, rounds):
+            return SimpleNamespace(begun=start), 0.1, start.entries[0][1][GAIN.sizes[0].name]
+
+        def fit(self, start, least_gain):
+            return SimpleNamespace(entries=start.entries)
+
+    found = search._grown(Table(), parent, starts)
+    assert found.entries == (starts[0].entry,)
+    assert search._grown(Table(), parent, starts[1:]) is None
