@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from scipy.integrate import quad
 from test_far_above_references import answer, drifting, sessions
 
+from phaselead.gap.posterior.likeliest import _likeliest
 from phaselead.gap.posterior.priors import KNOWN_BEFORE, LARGEST, prior_of
-from phaselead.gap.posterior.starts import _likeliest
 from phaselead.model import catalogue
 
 

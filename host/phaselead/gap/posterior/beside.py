@@ -43,6 +43,8 @@ class Histories:
 
     def behind(self, sizes: Sequence[int]) -> list[Index]:
         """The places of the columns of each group, where so many sizes of each stand in front of all."""
+        if not sizes:
+            return []
         of_sizes = np.split(np.arange(sum(sizes)), np.cumsum(sizes)[:-1])
         places = np.split(sum(sizes) + np.arange(self.count), self._widths.cumsum()[:-1])  # run by run, group by group
         return [np.concatenate([mine, *places[i :: len(sizes)]]) for i, mine in enumerate(of_sizes)]
@@ -66,7 +68,7 @@ def _history(run: BlockedRun, group: RegressorGroup) -> Samples:
 
 
 @dataclass(frozen=True)
-class Left:
+class Residual:
     """What a set and a group leave."""
 
     power: Samples
@@ -74,7 +76,8 @@ class Left:
     added: Samples
     """(blocks,) power of what the sizes of the group add, spread."""
     log_prior: float
-    """What the amounts of all that is integrated out, and of the parameters of the set, take from the log density."""
+    """Of the amounts of all that is integrated out, against none of it, and of where the parameters of the set move,
+    against where they were."""
 
 
 class Beside:
@@ -96,6 +99,8 @@ class Beside:
         self._sizes = sum(len(group.steps) for group in groups)
         self._places = self._histories.behind([len(group.steps) for group in groups])
         self._normal, self._right = terms.moments.normal(weights[None], terms.prior.precision)
+        prior, p = terms.prior, terms.moments.tangents
+        self._right.common[0, :p, 0] -= prior.precision * (internal(terms.entries) - prior.centre)
         c, every = self._normal.common.shape[1], self._sizes + self._histories.count
         common, before = np.zeros((c + 1, every)), np.zeros((*self._normal.before.shape[1:3], every))
         self._own = [np.zeros((len(at), len(at))) for at in self._places]
@@ -140,13 +145,13 @@ class Beside:
         """The places of these among those of all runs."""
         return np.concatenate([np.arange(self._sizes), self._histories.of_run(self._sizes, i)])
 
-    def told(self, which: int) -> tuple[Samples, Samples]:
+    def slope_and_curvature(self, which: int) -> tuple[Samples, Samples]:
         """Slope (sizes,) and curvature (sizes, sizes) of the log density over the sizes of a group; behind these stand
         the amounts of its histories."""
         at = self._places[which]
         return self._slopes[at], self._own[which] - self._taken[np.ix_(at, at)]
 
-    def left(self, which: int, amounts: Samples) -> Left:
+    def residual_with(self, which: int, amounts: Samples) -> Residual:
         """What is left with so much (sizes and histories,) of a group, and of the set what then is likeliest."""
         at, p = self._places[which], self._terms.moments.tangents
         common = self._by_itself.common[0, :, 0] - self._moved_by.common[0][:, at] @ amounts
@@ -170,4 +175,4 @@ class Beside:
         prior, off = self._terms.prior, common[:p] + internal(self._terms.entries) - self._terms.prior.centre
         farther = prior.precision @ (off**2 - (internal(self._terms.entries) - prior.centre) ** 2)
         squares = farther + common[p:] @ common[p:] + (before**2).sum() + amounts[sizes:] @ amounts[sizes:]
-        return Left(np.concatenate(power), np.concatenate(added), -0.5 * float(squares))
+        return Residual(np.concatenate(power), np.concatenate(added), -0.5 * float(squares))

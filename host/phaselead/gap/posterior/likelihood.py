@@ -120,25 +120,23 @@ class Likelihood(MayMiss):
     ) -> Fit:
         """The most likely parameters near those of ``start``, which may be terms of this likelihood; ``least_gain`` in
         log units ends the search for them."""
-        terms, share, _ = self.fitted_terms(start, steps, least_gain=least_gain)
-        moving = terms.moments.moving
+        begun = start if isinstance(start, Terms) else self._begun(start)
+        moving = begun.moments.moving
         if not moving.size:
-            return self.judged(terms, share)
+            return self.judged(*self.fitted_terms(begun, steps, least_gain=least_gain)[:2])
         # Begun where what had been done before goes on as in the start, and where it is over in all records; then it
-        # goes on in those that bear it out. Both beginnings may lead to the same. Which of them does better is known of
-        # a set that was fitted beside something else.
-        known = isinstance(start, Begun) and start.moving is not None
+        # goes on in those that bear it out. Both beginnings may lead to the same, and which of them does better may be
+        # known from another fit.
+        known = isinstance(start, Begun) and start.moving_found
         found: dict[bytes, Fit] = {}
-        for begun in (moving, *([] if known else [np.zeros_like(moving)])):
-            near, near_share = terms.where_moving(begun), share
-            if not begun.all() and not known:
-                near, near_share, _ = self.fitted_terms(near, steps, least_gain=least_gain)
-            chosen, _ = self._moving(near, near_share)
+        for goes_on in (moving, *([] if known else [np.zeros_like(moving)])):
+            terms, share, _ = self.fitted_terms(begun.where_moving(goes_on), steps, least_gain=least_gain)
+            chosen, _ = self._moving(terms, share)
             if chosen.tobytes() in found:
                 continue
-            if not np.array_equal(chosen, begun):
-                near, near_share, _ = self.fitted_terms(near.where_moving(chosen), steps, least_gain=least_gain)
-            found[chosen.tobytes()] = self.judged(near, near_share)
+            if not np.array_equal(chosen, goes_on):
+                terms, share, _ = self.fitted_terms(terms.where_moving(chosen), steps, least_gain=least_gain)
+            found[chosen.tobytes()] = self.judged(terms, share)
         return max(found.values(), key=lambda fit: fit.log_evidence)
 
     def fitted_terms(
@@ -173,7 +171,11 @@ class Likelihood(MayMiss):
 
     def _begun(self, start: Sequence[SizedEffect] | Begun) -> Terms:
         begun = start if isinstance(start, Begun) else Begun(start)
-        return self.terms(begun.entries, begun.moving, begun.stood)
+        terms = self.terms(begun.entries, begun.moving, begun.stood)
+        if not begun.last_is_over:
+            return terms
+        of_effects = np.array(max(terms.of_effects, key=len))
+        return terms.where_moving(terms.moments.moving * (of_effects != len(begun.entries) - 1))
 
     def _stepped(self, near: Terms, best: float, share: float) -> tuple[Terms, float, float]:
         """The set at the parameters of ``near``, beside what most likely had stood off then, the log density and the

@@ -107,7 +107,7 @@ def search_sets(likelihood: Likelihood, effects: Sequence[Effect], on_progress: 
     least = detectable(likelihood, starts.shapes, needed)
     on_progress(0.3)
     likelihood = likelihood.knowing([fit.entries[0] for fit in alone])
-    nothing, alone = likelihood.fit(()), [likelihood.fit(fit.entries) for fit in alone]
+    nothing, alone = likelihood.fit(()), [likelihood.fit(fit.begun) for fit in alone]
     starts = starts.of(likelihood)
     pool = {fit.names: fit for fit in [nothing, *alone]}
     contest = Contest(likelihood, pool, len(effects))
@@ -170,12 +170,13 @@ def _grown(likelihood: Likelihood, parent: Fit, starts: Sequence[Start]) -> Fit 
     """A set and one effect more, from the best of its starts that stays within its range; None where none does."""
     rough = []
     for start in starts:
-        begun = parent.begun.and_one(start.entry)
+        begun = parent.begun.and_one(start.entry, start.is_over)
         try:
             terms, _, log_density = likelihood.fitted_terms(begun, ROUGH_STEPS, LEAST_STANDING)
         except np.linalg.LinAlgError:
             continue
-        rough.append((log_density, terms if begun.moving is None else terms.begun))
+        known = begun.moving_found and terms.moments.moving.size > 0
+        rough.append((log_density, replace(terms.begun, moving_found=True) if known else terms))
     for _, begun_there in sorted(rough, key=lambda one: -one[0]):
         try:
             fit = likelihood.fit(begun_there, least_gain=ROUGH_GAIN)

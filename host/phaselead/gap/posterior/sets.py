@@ -42,13 +42,18 @@ class Begun:
     stood: Sequence[Stood] = ()
     """By run about what they had done before it as voltages; by default nothing."""
     moving: Samples | None = None
-    """(runs, b) 1 for what still goes on of what had been done before, as it was found for this set; by default that is
-    not known."""
+    """(runs, b) 1 for what still goes on of what had been done before; by default all of it."""
+    moving_found: bool = False
+    """Whether that was found by a fit of this set, or of one without an effect that has no past."""
+    last_is_over: bool = False
+    """Whether what the last effect had done before is taken to be over in all records."""
 
-    def and_one(self, entry: SizedEffect) -> Begun:
-        """With one effect more: of what that had done before, it is not known."""
-        moving = self.moving if entry[0].before_record is None else None
-        return Begun((*self.entries, entry), self.stood, moving)
+    def and_one(self, entry: SizedEffect, is_over: bool = False) -> Begun:
+        """With one effect more, of which all that it had done before may be over."""
+        entries = (*self.entries, entry)
+        if entry[0].before_record is not None:
+            return Begun(entries, self.stood, last_is_over=is_over)
+        return Begun(entries, self.stood, self.moving, self.moving_found)
 
 
 @dataclass(frozen=True)
@@ -76,7 +81,7 @@ class Terms:
 
     @property
     def begun(self) -> Begun:
-        """Where a fit of the same set would begin."""
+        """Where a fit of the same set would begin, with what goes on as it is taken here."""
         return Begun(self.entries, self.stood, self.moments.moving)
 
     def where_moving(self, moving: Samples) -> Terms:
@@ -123,7 +128,7 @@ class Fit:
     @property
     def begun(self) -> Begun:
         """Where a fit of the same set would begin beside something else."""
-        return self.terms.begun
+        return replace(self.terms.begun, moving_found=True)
 
     def begun_without(self, index: int) -> Begun:
         """Where a fit of the set less one of its effects would begin."""
