@@ -161,14 +161,3 @@ def test_a_start_that_runs_to_an_end_of_its_range_leaves_the_other():
     found = search._grown(Table(), parent, starts)
     assert found.entries == (starts[0].entry,)
     assert search._grown(Table(), parent, starts[1:]) is None
-
-
-@pytest.mark.parametrize("name", ["charge_leakage", *RELAX])
-def test_a_fit_never_ends_below_where_it_begins(name):
-    """A step is taken beside what is missed before it. A creep of which all was missed went back to next to none, and
-    lost 180 log units."""
-    likelihood = records(0.8, -0.8)
-    for start in Starts(likelihood, [effect(name)]).beside(likelihood.fit(()))[name]:
-        begun = Begun([start.entry], last_is_over=start.is_over)
-        ends = [likelihood.fitted_terms(begun, steps)[2] for steps in (0, 1, 2, 4, 8)]
-        assert np.all(np.diff(ends) > -1e-6)

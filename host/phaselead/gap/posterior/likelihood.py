@@ -161,10 +161,7 @@ class Likelihood(MayMiss):
                 near = self._near(terms, _moved(terms.entries, step.common[0, :, 0]))
                 gained = self._log_joints(near, [share])[share] - best
                 if gained > 0:
-                    stepped = self._stepped(near, best, share)
-                    gained = stepped[1] - best
-                if gained > 0:
-                    terms, best, share = stepped
+                    terms, best, share = self._stepped(near, best, share)
                     damping = max(damping / 5, 1e-6)
                     break
                 damping = max(damping, 1e-3) * 10
