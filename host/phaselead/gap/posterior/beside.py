@@ -131,9 +131,7 @@ class Beside:
         for run, shared, one, first in zip(likelihood.runs, likelihood.shared, simulated, firsts, strict=True):
             columns = np.concatenate([one.of_tangents(p), shared, one.columns[:, -1:], one.before], axis=1)
             tangents = first[:p] if run.changed else np.zeros(p)
-            columns[0] = np.concatenate(
-                [tangents, shared[0], first[-1:], first[len(tangents) : -1][: one.before.shape[1]]]
-            )
+            columns[0] = np.concatenate([tangents, shared[0], first[-1:], first[p:-1]])
             found.append(columns)
         return found
 

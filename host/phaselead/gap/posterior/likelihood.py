@@ -174,8 +174,7 @@ class Likelihood(MayMiss):
         terms = self.terms(begun.entries, begun.moving, begun.stood)
         if not begun.last_is_over:
             return terms
-        of_effects = np.array(max(terms.of_effects, key=len))
-        return terms.where_moving(terms.moments.moving * (of_effects != len(begun.entries) - 1))
+        return terms.where_moving(terms.moments.moving * (terms.of_columns != len(begun.entries) - 1))
 
     def _stepped(self, near: Terms, best: float, share: float) -> tuple[Terms, float, float]:
         """The set at the parameters of ``near``, beside what most likely had stood off then, the log density and the

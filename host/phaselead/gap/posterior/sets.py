@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from phaselead.gap.parameters import SizedEffect
 from phaselead.gap.posterior.before import Stood
@@ -44,7 +45,7 @@ class Begun:
     moving: Samples | None = None
     """(runs, b) 1 for what still goes on of what had been done before; by default all of it."""
     moving_found: bool = False
-    """Whether that was found by a fit of this set, or of one without an effect that has no past."""
+    """Whether a fit found that: of this set, or of the set less an effect that has no past."""
     last_is_over: bool = False
     """Whether what the last effect had done before is taken to be over in all records."""
 
@@ -78,6 +79,11 @@ class Terms:
     """Whether levels count."""
     settled: dict[tuple[float, bool], Settled] = field(default_factory=dict)
     """Where what is integrated out settles, by share and whether held-out records counted, once found."""
+
+    @property
+    def of_columns(self) -> NDArray[np.intp]:
+        """(b,) The entry that each column before is of, in a record that has such columns."""
+        return np.array(max(self.of_effects, key=len), dtype=np.intp)
 
     @property
     def begun(self) -> Begun:
@@ -133,8 +139,7 @@ class Fit:
     def begun_without(self, index: int) -> Begun:
         """Where a fit of the set less one of its effects would begin."""
         entries = (*self.entries[:index], *self.entries[index + 1 :])
-        of_effects = np.array(max(self.terms.of_effects, key=len))
-        return Begun(entries, self.terms.stood, self.terms.moments.moving[:, of_effects != index])
+        return Begun(entries, self.terms.stood, self.terms.moments.moving[:, self.terms.of_columns != index])
 
     @property
     def names(self) -> Names:
