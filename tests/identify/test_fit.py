@@ -10,8 +10,11 @@ import pytest
 from bench_stage import BenchStage, Grid, record, rising_sine, sine_record
 
 from phaselead.errors import BadInput
+from phaselead.identify import fitting
 from phaselead.identify.fitting import FitReport, fit
+from phaselead.identify.odd_record import refuse_turned_round
 from phaselead.identify.plan import AROUND_S, HELD_OUT, plan_grid, plan_seconds
+from phaselead.identify.runs import axis_run
 from phaselead.identify.table import grid_table
 from phaselead.identify.verification import verification_dict, verify
 from phaselead.identify.words import noise_um_rms
@@ -318,3 +321,44 @@ def test_records_beyond_what_a_new_stage_file_has_of_limits_are_told(factor, tol
     one = sine_record(QUICK, 8.0, 5.0)
     scaled = replace(one, axes={"x": AxisRecord(factor * one.axes["x"].u_V, one.axes["x"].x_um)})
     assert any("limits -2..10 V" in line for line in fit([scaled])[1].messages) == told
+
+
+@pytest.mark.parametrize("others", [1, 2])
+def test_a_record_whose_sensor_is_turned_round_is_named_where_no_fit_is_possible(others, monkeypatch):
+    """It was a traceback, or said to hardly move."""
+    stage = BenchStage(creep=(), mode_Hz=0.0, delay_ticks=0, noise_um=0.005)
+    records = []
+    for i in range(others + 1):
+        t, u = rising_sine(10.0, 1.0 + 0.5 * i, 3, 500)
+        records.append(record(t, u, stage.measure(u, 500), source=f"{i}.csv"))
+
+    def singular(runs):
+        raise BadInput("the fit is singular; are all records of one stage?")
+
+    monkeypatch.setattr(fitting, "fit_with_creep", singular)
+    with pytest.raises(BadInput, match="the fit is singular; are all records of one stage"):
+        fit(records)
+    axis = records[-1].axes["x"]
+    odd = replace(records[-1], axes={"x": AxisRecord(axis.u_V, -axis.x_um)}, source="rev.csv")
+    with pytest.raises(BadInput, match=r"^rev.csv: axis x moves -.* um/V, but .* um/V in 0.csv, and turned round"):
+        fit([*records[:-1], odd])
+
+
+def test_records_on_either_side_of_a_mode_are_none_of_another_direction():
+    """Beyond a mode the position falls where its voltage rises."""
+    stage = BenchStage(mode_Hz=200.0)
+    records = []
+    for f_Hz in (100.0, 250.0):
+        t, u = rising_sine(5.0, f_Hz, 50, 5000)
+        records.append(record(t, u, stage.measure(u, 5000), source=f"{f_Hz:g}Hz"))
+    refuse_turned_round([axis_run(one, "x") for one in records])
+    (mode,) = [effect for effect in fit(records)[0].axis("x").effects if effect.name == "resonance"]
+    assert mode.params["f_Hz"] == pytest.approx(200, rel=0.01)
+
+
+def test_a_small_record_that_drifts_the_other_way_is_none_of_another_direction():
+    t, u = rising_sine(10.0, 2, 8, 500)
+    noise = np.random.default_rng(0).normal(0, 0.005, len(u))
+    small = 5 + 0.002 * u
+    drifting = record(t, small, 12 * small - 0.25 * t + noise, source="small")
+    refuse_turned_round([axis_run(record(t, u, 12 * u + noise, source="big"), "x"), axis_run(drifting, "x")])

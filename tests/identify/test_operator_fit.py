@@ -130,23 +130,71 @@ def test_a_record_from_another_memory_is_noticed():
     assert error_pct(fit.view, wandering(ASYMMETRIC, 1)).max() < 1.5
 
 
+def cut_from_one_session(voltages: list[Array], stage: BenchStage = ASYMMETRIC) -> list[Recording]:
+    """Records of one stage that went through these voltages one after the other."""
+    x = stage.measure(np.concatenate(voltages), 500)
+    ends = np.cumsum([len(u) for u in voltages])
+    parts = zip(voltages, np.split(x, ends[:-1]), strict=True)
+    return [record(np.arange(len(u)) / 500, u, part, source=f"{i}.csv") for i, (u, part) in enumerate(parts)]
+
+
 @pytest.mark.parametrize("order", ["rising", "falling"])
 def test_a_session_in_one_go(order):
     """Records cut from one session, none of them windowed: each starts from what the one before left behind."""
     levels = (0.7, 1.5, 3.0, 6.0, 10.0) if order == "rising" else (10.0, 6.0, 3.0, 1.5, 0.7)
-    sines = [rising_sine(swing, f, 3, 500) for swing in levels for f in (2.0, 5.0)]
-    x = ASYMMETRIC.measure(np.concatenate([u for _, u in sines]), 500)
-    ends = np.cumsum([len(u) for _, u in sines])
-    parts = [record(t, u, part) for (t, u), part in zip(sines, np.split(x, ends[:-1]), strict=True)]
-    fit = fit_operator(runs_of(parts))
+    fit = fit_operator(
+        runs_of(cut_from_one_session([rising_sine(swing, f, 3, 500)[1] for swing in levels for f in (2.0, 5.0)]))
+    )
+    assert any("begin where the one before it" in m for m in fit.messages)
     if order == "rising":
-        assert any("do not start from rest" in m for m in fit.messages)
         assert error_pct(fit.view, wandering(ASYMMETRIC, 1)).max() < 1.0
         assert fit.view.rest_fraction == pytest.approx(0.55, abs=0.05)
-    else:  # all but the first come from 10 V, which for the smaller ones is an offset beside coming from 6 V
-        assert all(5 < r.turned_V[0] < 11 for r in fit.records[1:])
-        assert error_pct(fit.view, wandering(ASYMMETRIC, 1)).max() < 0.5
+    else:  # for the smaller ones an offset beside coming from 6 V; only the order tells, whatever rounding does
+        assert [r.turned_V for r in fit.records] == [None, *[(10.0,)] * 9]
+        assert error_pct(fit.view, wandering(ASYMMETRIC, 1)).max() < 0.2
         assert all(r.rms_um < 0.001 * r.range_um for r in fit.records)
+
+
+FALLING_BIPOLAR = [volt * np.sin(2 * np.pi * 5 * np.arange(600) / 500) for volt in (5.0, 3.0, 1.5, 0.7)]
+
+
+def test_a_session_of_falling_swings_about_0_V_is_told_by_its_order():
+    fit = fit_operator(runs_of(cut_from_one_session(FALLING_BIPOLAR)))
+    assert fit.records[0].turned_V is None
+    assert fit.records[3].turned_V == pytest.approx((5, -5, 3, -3, 1.5, -1.5), abs=0.01)
+    assert fit.view.rest_fraction == pytest.approx(0.55, abs=0.02)
+    assert any("begin where the one before it" in line for line in fit.messages)
+
+
+def taken_late(recording: Recording, later_s: float) -> Recording:
+    return replace(recording, t_s=recording.t_s + later_s)
+
+
+FALLING = [0.5 * volt * (1 - np.cos(2 * np.pi * 5 * np.arange(600) / 500)) for volt in (10.0, 7.0, 4.0, 2.0)]
+AT_A_BIAS = [5 + volt * np.sin(2 * np.pi * 5 * np.arange(600) / 500) for volt in (5.0, 4.0, 3.0, 2.0, 1.0)]
+
+
+def test_a_session_that_lacks_a_record_is_told_but_for_the_one_after():
+    whole = cut_from_one_session([*FALLING, *AT_A_BIAS[1:]])
+    fit = fit_operator(runs_of([*whole[:5], *whole[6:]]))
+    (line,) = [line for line in fit.messages if "begin where the one before it" in line]
+    assert "but for 6.csv" in line
+    assert "something else was driven in between" in line
+    assert all(r.rms_um < 0.001 * r.range_um for r in fit.records)
+
+
+def test_times_that_records_do_not_share_tell_their_order():
+    there = [taken_late(one, 3.0 * i) for i, one in enumerate(cut_from_one_session(FALLING))]
+    fit = fit_operator(runs_of([there[i] for i in (2, 0, 3, 1)]))
+    assert [r.turned_V for r in fit.records] == [(10.0,), None, (10.0,), (10.0,)]
+
+
+def test_an_order_that_was_none_is_not_believed():
+    """What leaves much more than rows that remember nothing is not what happened."""
+    there, back = cut_from_one_session(FALLING_BIPOLAR), cut_from_one_session(FALLING_BIPOLAR)[::-1]
+    in_order, backwards = fit_operator(runs_of(there)), fit_operator(runs_of(back))
+    assert not any("begin where the one before it" in line for line in backwards.messages)
+    assert in_order.view.residual_um_rms < backwards.view.residual_um_rms
 
 
 def test_a_session_with_creep():

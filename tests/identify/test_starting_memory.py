@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -12,7 +13,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from phaselead.identify.operator.regressors import FitRun, Turns, rows_to_fit
-from phaselead.identify.operator.starting_memories import settled_of, starting_memory, way_before, with_memories
+from phaselead.identify.operator.starting_memories import (
+    in_one_session,
+    left_behind,
+    settled_of,
+    starting_memory,
+    way_before,
+    with_memories,
+)
 from phaselead.identify.runs import axis_run
 from phaselead.record.recording import Recording
 
@@ -85,7 +93,7 @@ def explained(
 
 
 def test_the_nearest_turning_point_that_explains_a_record_is_taken():
-    said = "1 of 2 records do not start from rest, where each began was fitted: made (from 5 V)"
+    said = "1 of 2 records do not start from rest, where each began was fitted: made (from about 5 V)"
     assert explained(4.9, wave=1.0) == ((5.0,), [said])
 
 
@@ -155,3 +163,71 @@ def test_a_loop_through_both_ends_is_found_though_neither_end_alone_explains_muc
         return few.get(turns, 4.0 + 0.1 * len(turns) + 0.01 * abs(turns[-1] - FIRST_V))
 
     assert way_before(squares, np.linspace(0.0, 10.0, 25).tolist(), FIRST_V, 0.6) == (10.0, 0.0)
+
+
+def went(turns: Turns, to_V: float, rest: float) -> Array:
+    """Where plays are that went from rest, at this part of their width, through all of these voltages."""
+    r = np.linspace(0.1, 25, 60)
+    at_V = rest * r
+    for volt in (*turns, to_V):
+        at_V = np.clip(at_V, volt - r, volt + r)
+    return at_V
+
+
+@given(st.lists(st.floats(-10, 10), max_size=12), st.floats(-10, 10), st.floats(-1, 1))
+@settings(max_examples=500)
+def test_what_is_left_behind_leaves_plays_where_all_of_the_way_did(way_V, to_V, rest):
+    turns: Turns = ()
+    for volt in way_V:
+        turns = (*left_behind(turns, volt), volt)
+    kept = left_behind(turns, to_V)
+    assert set(kept) <= set(way_V)
+    assert went(kept, to_V, rest) == pytest.approx(went(tuple(way_V), to_V, rest))
+
+
+def through(*volts: float, noise_V: float = 0.0, t0_unix_s: float | None = None) -> FitRun:
+    """A record that goes straight from each of these voltages to the next."""
+    u = np.concatenate([np.linspace(a, b, 50, endpoint=False) for a, b in pairwise(volts)] + [volts[-1:]])
+    u = u + np.random.default_rng(0).normal(0, noise_V, len(u))
+    fit = fitted(record(np.arange(len(u)) / 500, u, 10 * u))
+    return replace(fit, run=replace(fit.run, t0_unix_s=t0_unix_s))
+
+
+def began(*records: FitRun) -> list[Turns | None]:
+    """Where each had turned round before, in the order of a session."""
+    return [fit.turned_V for fit in in_one_session(records)]
+
+
+def test_records_of_one_session_begin_where_those_before_left_the_stage():
+    """Nothing is remembered after the first 5 V but these: 2 V is less, and 7 V wipes them out."""
+    every = [through(0, volt, 0, volt, 0) for volt in (5, 2, 7, 1)]
+    assert began(*every) == [None, (5,), (5,), (7,)]
+
+
+def test_all_swings_that_get_smaller_are_remembered_however_many():
+    every = [through(0, v, -v, v, -v, 0) for v in (5.0, 3.0, 1.5, 0.7)]
+    assert began(*every)[1:] == [(5, -5), (5, -5, 3, -3), (5, -5, 3, -3, 1.5, -1.5)]
+
+
+def test_a_record_may_go_on_from_where_the_last_one_ended():
+    """The second goes on from 5 V; the third has turned round at 6 V."""
+    assert began(through(0, 5), through(5, 6, 5), through(5, 4, 5)) == [None, (), (6,)]
+
+
+def test_the_voltage_with_which_a_record_begins_may_be_where_the_stage_turned():
+    """To 10 V and back to 4 V, where the second begins."""
+    assert began(through(0, 10), through(4, 7, 5), through(5, 6, 5)) == [None, (10,), (10, 4, 7)]
+
+
+def test_noise_of_a_voltage_is_no_turn():
+    turned_V = began(*(through(0, volt, 0, volt, 0, noise_V=0.005) for volt in (10, 6, 3)))
+    assert [len(turns or ()) for turns in turned_V] == [0, 1, 1]
+    assert [turns[0] for turns in turned_V if turns] == pytest.approx([10, 10], abs=0.02)
+
+
+def test_records_that_say_when_they_were_taken_may_be_given_in_any_order():
+    first, second, third = (through(0, volt, 0, t0_unix_s=t) for volt, t in ((5, 10.0), (7, 20.0), (2, 30.0)))
+    assert began(third, first, second) == [(7,), None, (5,)]
+    at_once = [replace(one, run=replace(one.run, t0_unix_s=10.0)) for one in (first, second, third)]
+    assert began(*at_once) == [None, (5,), (7,)]
+    assert began(replace(third, run=replace(third.run, t0_unix_s=None)), first) == [None, (2,)]

@@ -125,7 +125,7 @@ def ringing(stood: bool, *, offset_um: float = 0.0, late_s: float = 0.0, stage: 
 def test_a_stage_that_had_stood_where_a_record_begins_is_told_from_which_time_it_counts(late_s, offset_um, refit):
     record = ringing(stood=True, offset_um=offset_um, late_s=late_s)
     (line,) = verify(RINGING, [record] * 2, refit_offset=refit).doubts
-    assert line.startswith("rec.csv: axis x begins at 1 V, which counts as a step from rest at 0 V: it leaves")
+    assert line.startswith("rec.csv: axis x begins at 1 V, which counts as a step from rest at 0 V: that leaves")
     assert line.endswith("(1 more like it)")
     after_s = float(re.search(r" @([\d.]+):", line)[1])
     late = replace(record, scored=slice(int(np.searchsorted(record.t_s, after_s)), None))
@@ -182,6 +182,204 @@ def test_a_record_from_0_V_of_a_stage_that_had_come_from_elsewhere_is_told():
     assert found.doubts == []
 
 
+def test_a_record_from_a_voltage_at_which_a_stage_stood_after_a_larger_one_is_told():
+    """It had been tried straight from rest alone, which is as wrong, so that nothing was said of an error of a quarter
+    of the range: on a newcomer's stage that had been driven in full before."""
+    u_V = 1.2 - 0.4 * np.cos(2 * np.pi * 2 * T_s)
+    before_V = np.r_[0.0, np.linspace(0, 2, 500), np.linspace(2, u_V[0], 500)]
+    t_s = np.arange(-len(before_V), len(T_s)) / RATE_HZ
+    x_um = simulate(LOOPED.axis("x"), t_s, np.r_[before_V, u_V])[len(before_V) :]
+    noise_um = np.random.default_rng(2).normal(0, 0.01, len(T_s))
+    (line,) = verify(LOOPED, recording(t_s=T_s, u_V=u_V, x_um=x_um + noise_um, source="rec.csv")).doubts
+    assert line.startswith("rec.csv: axis x begins at 0.8 V, which counts as a step from rest at 0 V: that leaves")
+    assert re.search(r"if the stage had come from about (1\.9\d*|2\.\d+|2) V", line)
+
+
 def test_a_record_from_rest_is_in_no_doubt_however_wrong_the_model():
     assert verify(LOOPED, from_0_V(None)).doubts == []
     assert verify(STAGE, from_0_V(None)).doubts == []
+
+
+def changed(gain: float = 1.0, higher_um: float = 0.0, late_s: float = 0.0) -> Recording:
+    """Of the straight stage, with a noise of 10 nm."""
+    u_V = np.where(T_s < late_s, 0.0, 2.5 - 2.5 * np.cos(2 * np.pi * 5 * (T_s - late_s)))
+    noise_um = np.random.default_rng(3).normal(0, 0.01, len(T_s))
+    return recording(t_s=T_s, u_V=U_V, x_um=gain * 20 * u_V + higher_um + noise_um, source="rec.csv")
+
+
+def told(found) -> list[str]:
+    """The lines on what describes an error, without the one that says what to do."""
+    return [line for line in found.remarks() if "than the model says" in line]
+
+
+@pytest.mark.parametrize(
+    ("made", "said", "by"),
+    [
+        (changed(gain=1.03), "moves 3 % further than", ("gain", 0.03)),
+        (changed(gain=0.98), "moves 2 % less far than", ("gain", -0.02)),
+        (changed(higher_um=-1.5), "stands 1.5 um lower than", ("shift", -1.5)),
+        (changed(late_s=0.002), "comes 2 ms later than", ("delay", 0.002)),
+        (changed(late_s=0.0131), "comes 13.1 ms later than", ("delay", 0.0131)),
+        (changed(late_s=0.025), "comes 25 ms later than", ("delay", 0.025)),
+    ],
+)
+def test_the_one_number_that_describes_an_error_is_told(made, said, by):
+    found = verify(STAGE, made)
+    (line,) = told(found)
+    assert f"rec.csv: axis x {said} the model says: of " in line
+    assert line in str(found)
+    (way,) = found.as_dict()["records"][0]["described_by"]
+    (change,) = way["changes"]
+    assert change["what"] == by[0]
+    assert change["value"] == pytest.approx(by[1], rel=0.03)
+    assert found[0].described is not None
+    assert way["left_um_rms"] < 0.5 * found[0].described.error_um_rms
+
+
+@pytest.mark.parametrize(
+    ("made", "said"),
+    [
+        (changed(gain=1.05, higher_um=4), "stands 4 um higher and moves 5 % further than"),
+        (changed(gain=1.05, late_s=0.006), "moves 5 % further and comes 6 ms later than"),
+        (changed(higher_um=4, late_s=0.006), "stands 4 um higher and comes 6 ms later than"),
+        (changed(0.9, 4, 0.006), "stands 4 um higher and moves 10 % less far and comes 6 ms later than"),
+    ],
+)
+def test_changes_that_only_together_describe_an_error_are_told_together(made, said):
+    """One of them alone would be given the size of both."""
+    (line,) = told(verify(STAGE, made))
+    assert said in line
+    assert float(line.split()[-1]) < 0.02
+
+
+def test_a_position_that_comes_before_its_voltage_is_told():
+    made = changed()
+    earlier = replace(made.axes["x"], x_um=np.roll(made.axes["x"].x_um, -2))
+    (line,) = told(verify(STAGE, replace(made, axes={"x": earlier})))
+    assert "comes 4 ms earlier than" in line
+
+
+def test_numbers_that_describe_an_error_alike_are_all_told():
+    """Of a small motion far from 0 V more gain is nearly a shift."""
+    u_V = 4 + 0.02 * np.sin(2 * np.pi * 5 * T_s)
+    x_um = 1.03 * 20 * u_V + np.random.default_rng(5).normal(0, 0.01, len(T_s))
+    window = replace(recording(t_s=T_s, u_V=u_V, x_um=x_um, source="rec.csv"), scored=slice(50, None))
+    (line,) = told(verify(STAGE, window))
+    assert "moves 3 % further or stands 2.4 um higher than" in line
+
+
+@pytest.mark.parametrize("offset_um", [40.0, 200.0])
+def test_a_gain_counts_from_where_the_stage_rests(offset_um):
+    """Whatever effect moved that."""
+    offset = AdoptedEffect(name="offset", params={"offset_um": offset_um})
+    moved = Stage(name="moved", axes={"x": AxisModel(time=VIEW, effects=(offset,))})
+    (line,) = told(verify(moved, changed(gain=1.03, higher_um=offset_um)))
+    assert "moves 3 % further than" in line
+
+
+@pytest.mark.parametrize("made", [changed(), changed(gain=1 + 1e-5), changed(higher_um=1e-3)])
+def test_an_error_of_the_noise_asks_for_no_reason(made):
+    found = verify(STAGE, made)
+    assert found.remarks() == []
+    assert "described_by" not in found.as_dict()["records"][0]
+
+
+def test_an_error_as_large_as_what_the_fit_left_asks_for_no_reason():
+    """A model that left 0.5 um of its own records is expected to miss as much."""
+    rough = Stage(name="rough", axes={"x": AxisModel(time=VIEW.model_copy(update={"residual_um_rms": 0.5}))})
+    assert told(verify(rough, changed(higher_um=0.9))) == []
+    assert told(verify(rough, changed(higher_um=1.1))) != []
+
+
+FITTED = Stage(name="fitted", axes={"x": AxisModel(time=VIEW.model_copy(update={"residual_um_rms": 0.01}))})
+
+
+@pytest.mark.parametrize("begins_at_V", [0.0, 1.0])
+def test_where_no_change_describes_a_large_error_that_is_said(begins_at_V):
+    """With what the fit left, which few know by heart; of a record from elsewhere the past may be all."""
+    u_V = begins_at_V + U_V
+    bent_um = 20 * u_V + 3 * np.sin(2 * np.pi * U_V / 2) + np.random.default_rng(4).normal(0, 0.01, len(T_s))
+    made = recording(t_s=T_s, u_V=u_V, x_um=bent_um, source="rec.csv")
+    (line,) = [line for line in verify(FITTED, made).remarks() if "times what the fit left" in line]
+    assert "no shift, gain or delay of up to 50 ms describes it" in line
+    assert ("what it had done before it began may" in line) == (begins_at_V > 0)
+    assert told(verify(STAGE, made)) == []
+
+
+def test_a_position_that_does_not_follow_the_voltage_is_described_by_nothing():
+    x_um = np.cumsum(np.random.default_rng(6).normal(0, 1, len(T_s)))
+    made = recording(t_s=T_s, u_V=U_V, x_um=x_um, source="rec.csv")
+    assert told(verify(STAGE, made)) == []
+    assert any("no shift, gain or delay of up to 50 ms describes it" in line for line in verify(FITTED, made).remarks())
+
+
+def test_what_is_left_beside_a_change_is_told_where_it_is_much():
+    """Of another stage a gain is not all."""
+    other_um = 30 * U_V + 3 * np.sin(2 * np.pi * U_V / 2)
+    (line,) = told(verify(FITTED, recording(t_s=T_s, u_V=U_V, x_um=other_um, source="rec.csv")))
+    assert "% further than" in line
+    assert "the fit left 0.01, so something else changed as well" in line
+    assert "something else" not in told(verify(FITTED, changed(gain=1.03)))[0]
+
+
+def test_of_times_in_another_unit_no_delay_is_told():
+    """Of the record that has them alone."""
+    found = verify(STAGE, [replace(changed(late_s=0.002), t_s=1e3 * T_s), changed(gain=1.03)])
+    assert [one.described is None for one in found] == [True, False]
+
+
+def test_changes_of_other_sizes_are_not_alike():
+    assert len(told(verify(STAGE, [changed(gain=1.03), changed(gain=0.97), changed(gain=0.8)]))) == 3
+
+
+@pytest.mark.parametrize("gain", [0.4, 1.5, 2.2, 2.9])
+def test_a_delay_is_told_beside_any_gain(gain):
+    """It oscillated beside twice the gain."""
+    (line,) = told(verify(STAGE, changed(gain=gain, late_s=0.006)))
+    assert "comes 6 ms later" in line
+
+
+@pytest.mark.parametrize(("rows", "at"), [(1, 50), (1, 250), (10, 50), (10, 250)])
+def test_a_step_that_comes_late_is_told(rows, at):
+    """Wherever it is, and however steep."""
+    u_V = np.interp(np.arange(len(T_s)), [at, at + rows], [0.0, 5.0])
+    late_um = 20 * np.interp(np.arange(len(T_s)) - 5, [at, at + rows], [0.0, 5.0])
+    noise_um = np.random.default_rng(7).normal(0, 0.01, len(T_s))
+    found = verify(FITTED, recording(t_s=T_s, u_V=u_V, x_um=late_um + noise_um, source="step.csv"))
+    assert found[0].described is not None
+    (change,) = found[0].described.ways[0].changes
+    assert change.value == pytest.approx(0.01, abs=1 / RATE_HZ if rows == 1 else 1e-4)
+    assert not any("something else" in line for line in found.remarks())
+
+
+def test_records_that_the_model_was_fitted_on_are_said_to_be():
+    made = replace(changed(), sha256="0" * 64)
+    fitted = fit(made).model
+    found = verify(fitted, [made, replace(changed(), sha256="1" * 64)])
+    assert [one.fitted_on for one in found] == [True, False]
+    assert "rec.csv: the model was fitted on rows of it" in found.remarks()
+    assert [one.get("fitted_on") for one in found.as_dict()["records"]] == [True, None]
+
+
+def test_records_that_move_as_no_stage_does_are_told_that_alone():
+    """Each by itself, of whatever name."""
+    found = verify(STAGE, [record(15.0), changed(gain=1.03)])
+    assert found[0].described is None
+    assert [change.what for change in found[1].described.ways[0].changes] == ["gain"]
+
+
+def test_records_are_told_together_where_the_same_number_describes_them():
+    every = [changed(gain=1.03), changed(higher_um=-5.0), changed(gain=1.035)]
+    lines = told(verify(STAGE, every))
+    assert len(lines) == 2
+    assert lines[0].endswith("(1 more like it)")
+    assert "3 % further" in lines[0]
+    assert "5 um lower" in lines[1]
+    numbers = [one["described_by"][0]["changes"][0]["value"] for one in verify(STAGE, every).as_dict()["records"]]
+    assert numbers == pytest.approx([0.03, -5, 0.035], rel=0.02)
+
+
+def test_a_shift_of_zero_is_none_where_it_was_refitted():
+    assert told(verify(STAGE, changed(higher_um=-1.5), refit_offset=True)) == []
+    (line,) = told(verify(STAGE, changed(gain=1.03, higher_um=40.0), refit_offset=True))
+    assert "moves 3 % further" in line

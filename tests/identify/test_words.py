@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from phaselead.identify.words import describe_axis
+from phaselead.identify.words import describe_axis, describe_coupling
 from phaselead.model import AdoptedEffect, AxisModel, TimeView
 from phaselead.record import from_columns
 
@@ -40,3 +40,9 @@ def test_a_mode_is_told_also_where_the_sensor_counts_backwards():
     line = describe_axis("x", AxisModel(time=view, effects=(mode,)), [])
     assert "counts backwards" in line
     assert "a mode at 300 Hz (damping 0.02)" in line
+
+
+def test_an_axis_sees_all_of_its_own_motion_and_that_is_no_cross_talk():
+    """One axis alone moved with itself by 0 %."""
+    assert describe_coupling(np.eye(3).tolist()) == "no cross-talk seen"
+    assert "y moves with x" in describe_coupling([[1, 0, 0], [0.02, 1, 0], [0, 0, 1]])

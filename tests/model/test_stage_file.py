@@ -17,9 +17,10 @@ from hypothesis import strategies as st
 from phaselead.errors import BadInput
 from phaselead.model.axis import AdoptedEffect, AxisModel, TimeView
 from phaselead.model.effects import catalogue
-from phaselead.model.stage_file import Stage, load_stage, parse_stage, save_stage, stage_text
+from phaselead.model.stage_file import Stage, load_stage, parse_stage, provenance_of, save_stage, stage_text
 from phaselead.model.table import XU_LI_2010
 from phaselead.model.validation_errors import explained
+from phaselead.record import AxisRecord, Recording
 
 from stages import SHA, assert_one_line, example_stage, stages  # isort: skip
 
@@ -336,3 +337,24 @@ def test_other_text_is_not_taken_for_a_recording(tmp_path):
     (tmp_path / "broken.toml").write_text('format = "phaselead-stage"\nname = \n')
     with pytest.raises(BadInput, match=r"is not TOML: .*repair the line"):
         load_stage(tmp_path / "broken.toml")
+
+
+def test_recordings_of_one_name_are_told_apart_by_their_folders() -> None:
+    t_s = np.arange(20) / 1e3
+
+    def recorded(source: str, top_V: int) -> Recording:
+        return Recording(
+            t_s,
+            {"x": AxisRecord(np.linspace(0, top_V, 20), np.linspace(0, 1, 20))},
+            source=source,
+            sha256=f"{top_V:064}",
+        )
+
+    every = [
+        recorded("monday/a.csv", 1),
+        recorded("tuesday/a.csv", 2),
+        recorded("tuesday/b.csv@0.1:", 3),
+        recorded("", 4),
+    ]
+    files = [one.file for one in provenance_of(None, every).data]
+    assert files == ["monday/a.csv", "tuesday/a.csv", "b.csv@0.1:", "recording"]

@@ -12,7 +12,7 @@ import numpy as np
 from phaselead.errors import BadInput, more_like_it
 from phaselead.identify.coupling import CouplingMatrix, cross_coupling, decoupled
 from phaselead.identify.modal import FittedModes, fit_straight, fit_together, fit_with_creep, measured_response
-from phaselead.identify.odd_record import about_scale, about_unlike_record, refuse_unlike_others
+from phaselead.identify.odd_record import about_scale, about_unlike_record, refuse_turned_round, refuse_unlike_others
 from phaselead.identify.operator import OperatorFit
 from phaselead.identify.runs import (
     SAME_RATE,
@@ -154,7 +154,11 @@ def fit(
         with explained(f"axis {axis}: the fit leaves what a stage file can hold"):
             if base == "operator":
                 refuse_without_loop(axis_runs)
-                found, mode = fit_with_creep(forward) if creep else fit_together(forward)
+                try:
+                    found, mode = fit_with_creep(forward) if creep else fit_together(forward)
+                except BadInput:
+                    refuse_turned_round(axis_runs)
+                    raise
                 messages += about_scale(axis, axis_runs) or about_unlike_record(axis, forward, found, mode)
                 messages += _about_creep(axis, found, axis_runs, looked_for=creep)
                 messages += _about_modes(axis, mode, axis_runs, alone=axis not in together)

@@ -9,7 +9,7 @@ import numpy as np
 from phaselead.errors import BadInput, more_like_it
 from phaselead.identify.modal import FittedModes, fit_together, shares_left_by
 from phaselead.identify.operator import OperatorFit
-from phaselead.identify.runs import AxisRun, white_noise_rms
+from phaselead.identify.runs import AxisRun, turned, white_noise_rms
 from phaselead.model import out_of_scale
 from phaselead.quantity import digits
 from phaselead.record import factors_moved, gains_moved, in_another_unit, unit_remedy
@@ -42,6 +42,29 @@ def refuse_unlike_others(runs: Sequence[AxisRun]) -> None:
         f"{runs[odd].source}: axis {runs[odd].axis} moves {gains[odd]:.3g} um/V{more_like_it(len(more))}, but "
         f"{gains[most]:.3g} um/V in {runs[most].source}; {unit_remedy(gains[odd] / gains[most], of_all=False)}, or fit "
         "them apart"
+    )
+
+
+def refuse_turned_round(runs: Sequence[AxisRun]) -> None:
+    """Of records that cannot be fitted together refuse those that fall with their voltage where others rise, about as
+    slowly, if all are of one stage once these are turned round. Raises BadInput."""
+    gains = gains_moved([(run.u_V, run.x_um) for run in runs], [run.step_s for run in runs], ABOUT_AS_SLOW)
+    rising, falling = ([i for i in gains if rises == (gains[i] > 0)] for rises in (True, False))
+    usual, unlike = (rising, falling) if len(rising) >= len(falling) else (falling, rising)
+    if not unlike:
+        return
+    there = [turned(run) if i in unlike else run for i, run in enumerate(runs)]
+    try:
+        mended = max(shares_left_by(*fit_together(there), there))
+    except BadInput:
+        return
+    if mended > OF_ONE_STAGE:
+        return
+    odd, *more = unlike
+    raise BadInput(
+        f"{runs[odd].source}: axis {runs[odd].axis} moves {digits(gains[odd], 3)} um/V{more_like_it(len(more))}, but "
+        f"{digits(gains[usual[0]], 3)} um/V in {runs[usual[0]].source}, and turned round it is of the same stage: turn "
+        "the sign of its position (or voltage) round, or fit them apart"
     )
 
 

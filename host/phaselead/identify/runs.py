@@ -22,6 +22,7 @@ from phaselead.record import (
     counts_backwards,
     refuse_clipped,
     refuse_gapped,
+    t0_unix_s,
 )
 
 STILL_S = 1.0
@@ -88,6 +89,8 @@ class AxisRun:
     source: str
     r_um: Samples | None = None
     """The path (n,) that it followed; None where none was asked for, or what is written down as one was not."""
+    t0_unix_s: float | None = None
+    """Unix time of ``t_s`` = 0, where the recording says it."""
 
     @property
     def step_s(self) -> float:
@@ -108,6 +111,11 @@ class AxisRun:
     def begins_at_0_V(self) -> bool:
         """Whether the voltage begins there."""
         return abs(float(self.u_V[0])) < START_SHARE * float(np.ptp(self.u_V))
+
+    @property
+    def first_V(self) -> float:
+        """Where the voltage begins: 0 V where it begins there, but for noise."""
+        return 0.0 if self.begins_at_0_V else float(self.u_V[0])
 
     @property
     def range_um(self) -> float:
@@ -153,7 +161,7 @@ def axis_run(recording: Recording, axis: str) -> AxisRun:
     if np.ptp(x[scored]) == 0:
         raise BadInput(f"{source}: the position of {axis} never changes; is the sensor connected and mapped?")
     r_um = record.r_um if record.r_um is not None and _followed(record.r_um[scored], x[scored]) else None
-    return AxisRun(recording.t_s, u, x, scored, axis, source, r_um)
+    return AxisRun(recording.t_s, u, x, scored, axis, source, r_um, t0_unix_s(recording.meta))
 
 
 def white_noise_rms(values: Samples) -> float:

@@ -11,7 +11,8 @@ import numpy as np
 
 from phaselead.errors import BadInput
 from phaselead.identify.runs import FEWEST_ROWS, AxisRun, driven_runs
-from phaselead.model import Stage, TableView, predict
+from phaselead.identify.simple_changes import Described, described
+from phaselead.model import Stage, TableView, in_other_times, out_of_scale, predict
 from phaselead.record import Recording, Samples, slow_gain
 
 View = Literal["time", "table"]
@@ -43,18 +44,27 @@ class Verification:
     """By which factor the measured position follows the model's, slowly; None where most of it does not."""
     about_start: str = ""
     """What to say where the record is judged from rest at 0 V and probably began elsewhere."""
+    described: Described | None = None
+    """What describes an error that is larger than the model should leave."""
+    fitted_on: bool = False
+    """Whether the model was fitted on rows of the same file."""
 
 
 def verification_dict(verification: Verification) -> dict[str, Any]:
     """As it goes into JSON."""
     figures = asdict(verification)
-    del (
-        figures["sha256"],
-        figures["gain"],
-        figures["about_start"],
-    )  # of the page and of doubts; a reader of the JSON has the file
+    for name in ("sha256", "gain", "about_start", "described", "fitted_on"):  # of the page and of doubts
+        del figures[name]
     if verification.axis == "x":
         del figures["axis"]  # the plain form of a one-axis recording
+    if verification.described is not None:
+        figures["error_um_rms"] = verification.described.error_um_rms
+        figures["fitted_um_rms"] = verification.described.fitted_um_rms
+        figures["described_by"] = [asdict(one) for one in verification.described.ways]
+    if verification.about_start:
+        figures["about_start"] = verification.about_start
+    if verification.fitted_on:
+        figures["fitted_on"] = True
     return figures
 
 
@@ -68,20 +78,25 @@ def verify(
     Raises BadInput for a recording of which nothing can be used.
     """
     found = []
+    learned_from = {source.sha256 for source in stage.provenance.data}
     for recording in recordings:
         runs, left_out = driven_runs(recording)
         if not runs:
             raise BadInput(left_out[0])
         predicted = predict(stage, recording) if view == "time" else None
         sha256 = recording.traced.sha256
+        fitted_on = sha256 in learned_from
         for axis, run in runs.items():
             if predicted is None:
-                found.append(_judge(run, _table_response(stage, run), refit_offset, sha256))
+                judged = _judge(run, _table_response(stage, run), refit_offset, sha256)
+                found.append(replace(judged, fitted_on=fitted_on))
                 continue
             stage.axis(axis)
             x_um = _position(predicted, axis)
+            judged = _judge(run, x_um[run.scored], refit_offset, sha256)
             about = _about_start(stage, recording, run, x_um, refit_offset)
-            found.append(replace(_judge(run, x_um[run.scored], refit_offset, sha256), about_start=about))
+            changes = None if about else _described(stage, recording, run, judged, x_um, refit_offset)
+            found.append(replace(judged, about_start=about, described=changes, fitted_on=fitted_on))
     return found
 
 
@@ -89,6 +104,24 @@ def _position(predicted: Recording | None, axis: str) -> Samples:
     x_um = None if predicted is None else predicted.axes[axis].x_um
     assert x_um is not None
     return x_um
+
+
+def _described(
+    stage: Stage, recording: Recording, run: AxisRun, judged: Verification, x_um: Samples, refit_offset: bool
+) -> Described | None:
+    """What describes the error of a record that moves as one of the stage may; None of another, or in other times."""
+    view = stage.axis(run.axis).time
+    if view is None or out_of_scale(judged.gain) or in_other_times(stage, [recording]):
+        return None
+
+    def at_rest_um() -> Samples:
+        still = {
+            name: replace(axis, u_V=None if axis.u_V is None else np.zeros_like(axis.u_V))
+            for name, axis in recording.axes.items()
+        }
+        return _position(predict(stage, replace(recording, axes=still)), run.axis)
+
+    return described(run, view, x_um, at_rest_um, refit_offset=refit_offset, follows=judged.gain is not None)
 
 
 def _about_start(stage: Stage, recording: Recording, run: AxisRun, rested_um: Samples, refit_offset: bool) -> str:
@@ -103,10 +136,23 @@ def _about_start(stage: Stage, recording: Recording, run: AxisRun, rested_um: Sa
     tried = {turned_V: left_um(turned_V) for turned_V in _ways(stage, run, rested)}
     if not tried:
         return ""
-    least_um = min(float(np.std(left)) for left in tried.values())
-    alike = [turned_V for turned_V, left in tried.items() if float(np.std(left)) <= ALIKE * least_um]
-    way = min(alike, key=lambda turned_V: [abs(volt) for volt in turned_V])
-    elsewhere = tried[way]
+    rms_um = {way: float(np.std(e) if refit_offset else np.sqrt(np.mean(e**2))) for way, e in tried.items()}
+    alike = [way for way, left_um in rms_um.items() if left_um <= ALIKE * min(rms_um.values())]
+    best = min(alike, key=lambda turned_V: [abs(volt) for volt in turned_V])
+    stood = [()] if () in tried else []
+    ways = [*stood, best] if stood and rms_um[()] <= CLEARLY_BETTER * rms_um[best] else [best, *stood]
+    for way in dict.fromkeys(ways):
+        said = _begun_elsewhere(run, rested, tried[way], way, len(alike) > 1, refit_offset)
+        if said:
+            return said
+    return ""
+
+
+def _begun_elsewhere(
+    run: AxisRun, rested: Samples, elsewhere: Samples, way: tuple[float, ...], or_further: bool, refit_offset: bool
+) -> str:
+    """What to say where a run is described clearly better after such turns (``elsewhere``, (n,) in um) than from rest
+    at 0 V; ``or_further``: by others too."""
     # Rows in which the two differ by less than the better one is off anyway tell nothing.
     differ = np.flatnonzero(np.abs(rested - elsewhere) > np.std(elsewhere))
     offset_um = elsewhere.mean() if refit_offset else 0.0
@@ -114,17 +160,12 @@ def _about_start(stage: Stage, recording: Recording, run: AxisRun, rested_um: Sa
     rms_um = [float(np.sqrt(np.mean((e[differ] - offset_um) ** 2))) if differ.size else 0.0 for e in both]
     if rms_um[0] <= (BEST_OF_MANY if way else CLEARLY_BETTER) * rms_um[1]:
         return ""
-    at = f"{run.source}: axis {run.axis} begins at {run.u_V[0]:.3g} V"
-    if way:
-        said = (
-            f"{at}, which counts as at rest: that leaves {rms_um[0]:.3g} um rms where it matters, {rms_um[1]:.3g} if "
-            f"the stage had come from about {way[0]:.3g} V{' or further' if len(alike) > 1 else ''}. If it had, "
-        )
-    else:
-        said = (
-            f"{at}, which counts as a step from rest at 0 V: it leaves {rms_um[0]:.3g} um rms where that matters, "
-            f"{rms_um[1]:.3g} if the stage had long stood there. If it had, "
-        )
+    taken = "at rest" if run.begins_at_0_V else "a step from rest at 0 V"
+    came = f"had come from about {way[0]:.3g} V{' or further' if or_further else ''}" if way else "had long stood there"
+    said = (
+        f"{run.source}: axis {run.axis} begins at {run.u_V[0]:.3g} V, which counts as {taken}: that leaves "
+        f"{rms_um[0]:.3g} um rms where it matters, {rms_um[1]:.3g} if the stage {came}. If it had, "
+    )
     t_s = run.t_s[run.scored]
     if len(t_s) - (differ[-1] + 1) < FEWEST_ROWS:
         first = "drive a full loop first" if way else "record it with the way from 0 V"
@@ -134,16 +175,16 @@ def _about_start(stage: Stage, recording: Recording, run: AxisRun, rested_um: Sa
 
 
 def _ways(stage: Stage, run: AxisRun, rested: Samples) -> list[tuple[float, ...]]:
-    """Where the stage may have turned round before the run, to try: straight to its first voltage, or at 0 V, where the
-    first half is clearly worse than the second, at some voltage of the model's range."""
-    if not run.begins_at_0_V:
-        return [()]
+    """Where the stage may have turned round before the run, to try: at some voltage of the model's range, and before a
+    run that begins elsewhere than at 0 V nowhere. A run from 0 V must be clearly worse in its first half than in its
+    second."""
     view, half = stage.axis(run.axis).time, len(rested) // 2
     usual_um = float(np.mean(rested[half:]))
     first, second = (float(np.sqrt(np.mean((e - usual_um) ** 2))) for e in (rested[:half], rested[half:]))
-    if view is None or first <= CLEARLY_BETTER * second:
+    if view is None or (run.begins_at_0_V and first <= CLEARLY_BETTER * second):
         return []
-    return [(float(turned_V),) for turned_V in np.linspace(*view.u_range_V, TURNS_TRIED)]
+    turns: list[tuple[float, ...]] = [(float(turned_V),) for turned_V in np.linspace(*view.u_range_V, TURNS_TRIED)]
+    return turns if run.begins_at_0_V else [(), *turns]
 
 
 def _judge(run: AxisRun, model: Samples, refit_offset: bool, sha256: str) -> Verification:

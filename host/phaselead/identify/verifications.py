@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, get_args
 
 from phaselead.errors import BadInput, more_like_it
 from phaselead.identify.runs import usable
+from phaselead.identify.simple_changes import Size
 from phaselead.identify.verification import Verification, View, verification_dict, verify
 from phaselead.model import Stage, driven_far_beyond, in_other_times, out_of_scale, scale_doubt
 from phaselead.record import Recording, glitch_doubts
@@ -17,13 +18,18 @@ from phaselead.result import Result, Table
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+WHAT_NEXT = "what it is, and what looks like it, `phaselead gap` tells from several records"
+"""Said once behind what describes errors."""
+
 
 class Verifications(Result, list[Verification]):
     """Errors of one view of a model, one entry for each driven axis of each recording: a list that prints as a table.
 
     Each entry has ``file``, ``axis``, ``max_um``, ``mean_um`` (mean of the error's size), ``range_um`` (measured
     peak-to-peak), and ``max_pct`` and ``mean_pct`` of that range. ``left_out`` are lines on recordings of which nothing
-    could be used, and ``doubts`` on those that do not seem to be of this model or in its units.
+    could be used, and ``doubts`` on those that do not seem to be of this model or in its units. ``described`` of an
+    entry says which simple changes (a shift of zero, a gain, a delay) describe an error that is larger than the model
+    should leave.
 
     >>> import phaselead as pl
     >>> with pl.connect() as dev:
@@ -66,8 +72,18 @@ class Verifications(Result, list[Verification]):
         return records | {name: lines for name, lines in remarks.items() if lines}
 
     def remarks(self) -> list[str]:
-        """One line for each recording, or axis of one, that was left out."""
-        return [f"left out: {line}" for line in self.left_out]
+        """One line for each recording, or axis of one, that was left out, on those that the model was fitted on, and
+        for those whose error the same changes describe."""
+        left_out = [f"left out: {line}" for line in self.left_out]
+        own = list(dict.fromkeys(v.file for v in self if v.fitted_on))
+        fitted_on = [f"{own[0]}{more_like_it(len(own) - 1)}: the model was fitted on rows of it"] if own else []
+        alike: dict[tuple[str, tuple[Size, ...]], list[str]] = {}
+        for v in self:
+            if v.described is not None:
+                said = f"{v.file}: axis {v.axis} {v.described.said()}"
+                alike.setdefault((v.axis, v.described.about), []).append(said)
+        each = [lines[0] + more_like_it(len(lines) - 1) for lines in alike.values()]
+        return [*left_out, *fitted_on, *each, *([WHAT_NEXT] if each else [])]
 
     def tables(self) -> list[Table | str]:
         headings = ("record", "axis", "max (µm)", "mean |e| (µm)", "range (µm)", "max (%)", "mean (%)")
@@ -111,13 +127,12 @@ def judge(
 
 
 def _out_of_scale(found: Sequence[Verification]) -> list[str]:
-    """Records that move as no change of the stage makes them, in one line for all."""
-    off = [one for one in found if out_of_scale(one.gain)]
-    if not off:
-        return []
-    (first, *more) = off
-    gains = [first.gain] if first.gain is not None else []
-    return [f"{first.file}: axis {first.axis} moves {scale_doubt(gains)}{more_like_it(len(more))}"]
+    """Records that move as no change of the stage makes them, in one line for all that move as far."""
+    said: dict[str, list[Verification]] = {}
+    for one in found:
+        if one.gain is not None and out_of_scale(one.gain):
+            said.setdefault(scale_doubt([one.gain]), []).append(one)
+    return [f"{of[0].file}: axis {of[0].axis} moves {doubt}{more_like_it(len(of) - 1)}" for doubt, of in said.items()]
 
 
 def _about_starts(found: Sequence[Verification]) -> list[str]:

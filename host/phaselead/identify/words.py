@@ -38,7 +38,9 @@ def describe_axis(axis: str, model: AxisModel, records: Sequence[Recording]) -> 
 
 def describe_coupling(matrix: Sequence[Sequence[float]]) -> str:
     """The largest share of one axis' motion that another one sees."""
-    shares = np.array(matrix) - np.eye(3)
+    shares = np.where(np.eye(3) > 0, 0.0, np.array(matrix))
+    if not shares.any():
+        return "no cross-talk seen"
     row, column = np.unravel_index(int(np.argmax(np.abs(shares))), (3, 3))
     return f"cross-talk of up to {100 * abs(shares[row, column]):.2g} %: {'xyz'[row]} moves with {'xyz'[column]}"
 

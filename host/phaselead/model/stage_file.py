@@ -13,7 +13,7 @@ import json
 import re
 import tomllib
 from collections.abc import Sequence
-from pathlib import Path, PurePath
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
 from pydantic import AfterValidator, Field, StringConstraints, ValidationError, field_validator, model_validator
@@ -26,7 +26,7 @@ from phaselead.model.stage_toml import toml_text
 from phaselead.model.summary import axis_table, parameter_columns, parameter_table, stage_figure
 from phaselead.model.validation_errors import explain, explained, fault, key_path
 from phaselead.nearest import nearest
-from phaselead.record import AXES, Recording, own_header, write_text
+from phaselead.record import AXES, Recording, own_header, shortest_names, write_text
 from phaselead.result import Result, Table, pairs_table
 from phaselead.version import VERSION as PROGRAM_VERSION
 
@@ -73,10 +73,9 @@ class Provenance(Part):
 
 def provenance_of(parent: Stage | None, recordings: Sequence[Recording]) -> Provenance:
     """Of a stage file that is made now, by this program, from the one before and from what was learned."""
+    names = shortest_names({r.source for r in recordings})
     sources = {
-        r.sha256: DataSource(file=PurePath(r.source).name or "recording", sha256=r.sha256)
-        for r in recordings
-        if r.sha256
+        r.sha256: DataSource(file=names[r.source] or "recording", sha256=r.sha256) for r in recordings if r.sha256
     }
     now = datetime.datetime.now(datetime.UTC).replace(microsecond=0)
     return Provenance(

@@ -7,7 +7,7 @@ from phaselead.record.axis_record import AxisRecord, Samples
 from phaselead.record.bounded import require_walkable
 from phaselead.record.checks import refuse_clipped, refuse_gapped
 from phaselead.record.columns import AXES, own_header, parse_axes, parse_column_map, parse_rate
-from phaselead.record.digest import Source, file_sha256
+from phaselead.record.digest import Source, file_sha256, shortest_names
 from phaselead.record.direction import counts_backwards, slow_gain
 from phaselead.record.exporting import SUFFIXES, export, write_csv
 from phaselead.record.gathering import (
@@ -83,6 +83,7 @@ __all__ = [
     "same_measurement",
     "scored_alone",
     "seem_exchanged",
+    "shortest_names",
     "slow_gain",
     "split_argument",
     "t0_facts",

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import hashlib
 import os
-from collections.abc import Mapping
+from collections import Counter
+from collections.abc import Collection, Mapping
+from pathlib import PurePath
 from typing import NamedTuple
 
 from phaselead.record.axis_record import AxisRecord, Samples
@@ -16,6 +18,23 @@ class Source(NamedTuple):
 
     name: str
     sha256: str
+
+
+def shortest_names(paths: Collection[str]) -> dict[str, str]:
+    """By path its last part, with as many folders in front as tell it from others that end alike.
+
+    >>> shortest_names(["monday/a.h5", "tuesday/a.h5", "tuesday/b.h5"])
+    {'monday/a.h5': 'monday/a.h5', 'tuesday/a.h5': 'tuesday/a.h5', 'tuesday/b.h5': 'b.h5'}
+    """
+    parts = {path: PurePath(path).parts for path in dict.fromkeys(paths)}
+    ends = Counter(of[-n:] for of in parts.values() for n in range(1, len(of) + 1))
+
+    def name(path: str) -> str:
+        of = parts[path]
+        alone = (of[-n:] for n in range(1, len(of) + 1) if ends[of[-n:]] == 1)
+        return str(PurePath(*next(alone, of))) if of else path
+
+    return {path: name(path) for path in parts}
 
 
 def file_sha256(path: str | os.PathLike[str]) -> str:

@@ -17,9 +17,14 @@ from phaselead.identify.operator.result import OperatorFit
 from phaselead.identify.operator.solution import DRIFT, EXACT, LEAST_OFFSET_WEIGHT, Solution, weight_of_offsets
 from phaselead.identify.operator.starting_memories import (
     END_SHARE,
+    IN_ORDER,
     LIKELY_MEMORY,
     OTHER_MEMORY,
+    any_settles,
+    in_one_session,
+    in_part,
     told_memories,
+    told_session,
     with_alike_offsets,
     with_memories,
 )
@@ -43,9 +48,12 @@ def from_their_memories(records: Records, modes: tuple[Mode, ...]) -> Told:
 
     Offsets tell the memories of a grid of levels, and would bend the loop of a stage that creeps. They count in full
     first and, where that shows that much of what is left is offsets, as little as they may; what leaves less is kept.
+    Where the order of a session tells the memories, none are searched.
     """
     first = _of_settled_rows(records, modes)
     in_full = _Telling.of(records, first)
+    if any_settles(records.fits) and (in_order := in_full.told_in_order()):
+        return _seen(*in_order)
     told = [in_full.told()]
     judged = [_counted_least(*told[0][:2])]
     if judged[0] ** 2 < LIKELY_MEMORY * told[0][1].error ** 2:
@@ -63,14 +71,14 @@ def from_their_memories(records: Records, modes: tuple[Mode, ...]) -> Told:
         alike, of_alike, also = in_full.told_alike()
         if _counted_least(alike, of_alike) ** 2 < OTHER_MEMORY * min(judged) ** 2:
             session, found, said = alike, of_alike, also
-    session = replace(session, offset_weight=_weight_seen(session, found))
-    return session, searched_from(session, found), said
+    return _seen(session, found, said)
 
 
-def _weight_seen(records: Records, found: Solution) -> float:
-    """How much offsets count by what is left of each record."""
+def _seen(records: Records, found: Solution, said: list[str]) -> Told:
+    """What goes with these memories where offsets count as much as what is left of each record shows."""
     shapes = [float(np.std(found.residual(f))) / f.run.range_um for f in records.fits]
-    return weight_of_offsets(_offsets(records.fits, found), shapes)
+    session = replace(records, offset_weight=weight_of_offsets(_offsets(records.fits, found), shapes))
+    return session, searched_from(session, found), said
 
 
 def _counted_least(records: Records, found: Solution) -> float:
@@ -120,6 +128,21 @@ class _Telling:
                 best = fallen, found, told_memories(fallen.fits)
                 starts.append(_with_likely_memories(self.records, found))
         return self._best_from(starts, best)
+
+    def told_in_order(self) -> Told | None:
+        """Each record after those before it, or most of them and the others as settled rows tell, where that leaves
+        clearly less than all from rest, and no other memories can leave much less, by what settled rows leave. The one
+        that is at rest may be the only one that it betters."""
+        whole = in_one_session(self.records.fits)
+        for fits in (whole, in_part(whole, self.of_first, self.first)):
+            if all(f.turned_V is None for f in fits):
+                continue
+            session = replace(self.records, fits=fits)
+            found = self._searched(session)
+            clearly = found.error**2 < OTHER_MEMORY * self.at_rest.error**2
+            if clearly and OTHER_MEMORY * found.error**2 <= self.first.error**2:
+                return session, found, told_session(fits, whole)
+        return None
 
     def told_alike(self) -> Told:
         """Begun with the memories that settled rows tell, where offsets are most alike."""
@@ -213,9 +236,18 @@ def told_behind_modes(records: Records, found: Solution, known: OperatorFit) -> 
 
     Where rows before those that count have settled a record there is no more to tell.
     """
-    before, said = told_memories(records.fits), told_memories(records.fits)
+    before = [line for line in known.messages if line.startswith(IN_ORDER)] or told_memories(records.fits)
+    said = before
     warmed = [i for i, f in enumerate(records.fits) if f.run.scored.start]
     rest, whole = known_rest(found.rest_fraction), len(found.modes) == 1
+    session = in_one_session(records.fits)
+    for fits in (session, in_part(session, records.fits, found)) if found.modes and not warmed else ():
+        if [f.turned_V for f in fits] == [f.turned_V for f in records.fits]:
+            continue
+        moved = replace(records, fits=fits)
+        better = moved.searched(found.basis, found.delay_s, rest, found.modes, whole=whole)
+        if better.error < found.error:
+            records, found, said = moved, better, told_session(fits, session)
     for again in range(MEMORY_ROUNDS if found.modes else 0):
         share = OTHER_MEMORY if again else LIKELY_MEMORY
         fits, named = with_memories(records.fits, found, share, records.own_offsets, known=warmed)

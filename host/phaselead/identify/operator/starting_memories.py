@@ -19,6 +19,7 @@ from scipy.optimize import minimize_scalar
 
 from phaselead.identify.operator.regressors import FitRun, Turns
 from phaselead.identify.operator.solution import DRIFT, EXACT
+from phaselead.identify.runs import TURN_SHARE, AxisRun
 from phaselead.record import Samples
 
 OTHER_MEMORY, LIKELY_MEMORY = 0.6, 0.8
@@ -41,6 +42,8 @@ FEWEST_SETTLED = 20
 MOST_TURNS = 4
 """Before a record: a loop through both ends, and a way to where the record begins that turns round once more or
 twice."""
+IN_ORDER = "each record is taken to begin where the one before it left the stage"
+"""What is said of records in the order of a session."""
 NAMED_RECORDS = 3
 """How many records a message names."""
 
@@ -146,10 +149,18 @@ def settled_of(fits: Sequence[FitRun]) -> list[FitRun]:
     A record that is never settled would draw the operator to a memory that nobody knows yet. It stands with its last
     rows, which remember least, for the others to tell where it began; where all are like that they stand whole.
     """
-    kept = [fit.rows >= _forgotten(fit) for fit in fits]
-    if not any(keep.sum() >= ENOUGH_ROWS * len(keep) for keep in kept):
+    if not any_settles(fits):
         return list(fits)
-    return [_of_rows(fit, keep) for fit, keep in zip(fits, kept, strict=True)]
+    return [_of_rows(fit, fit.rows >= _forgotten(fit)) for fit in fits]
+
+
+def any_settles(fits: Sequence[FitRun]) -> bool:
+    """Whether ``settled_of`` leaves out what records remember, or uses them whole."""
+    return any(_settles(fit) for fit in fits)
+
+
+def _settles(fit: FitRun) -> bool:
+    return bool(np.mean(fit.rows >= _forgotten(fit)) >= ENOUGH_ROWS)
 
 
 def _forgotten(fit: FitRun) -> int:
@@ -214,7 +225,7 @@ def _with_memory(fit: FitRun, operator: Leaves, points_V: Sequence[float], share
     def about(turned_V: Turns) -> float:
         return squares(quick(turned_V))
 
-    turned_V = way_before(surely, points_V, 0.0 if fit.run.begins_at_0_V else float(fit.run.u_V[0]), share, about)
+    turned_V = way_before(surely, points_V, fit.run.first_V, share, about)
     return replace(fit, turned_V=turned_V)
 
 
@@ -242,11 +253,97 @@ def _alike(fit: FitRun, operator: Leaves, points_V: Sequence[float]) -> list[tup
     whole = fit.with_start()
     if not fit.turned_V:
         return [(fit, float(operator.residual(whole).mean()))]
-    quick, first_V = operator.residuals_of(whole), 0.0 if fit.run.begins_at_0_V else float(fit.run.u_V[0])
+    quick, first_V = operator.residuals_of(whole), fit.run.first_V
     ways = [(volt, *fit.turned_V[1:]) for volt in points_V]
     left = {turns: quick(turns) for turns in (fit.turned_V, *(one for one in ways if _remembered(one, first_V)))}
     most = (float(np.var(left[fit.turned_V])) + (EXACT * fit.run.range_um) ** 2) / ALIKE
     return [(replace(fit, turned_V=turns), float(e.mean())) for turns, e in left.items() if np.var(e) <= most]
+
+
+def in_one_session(fits: Sequence[FitRun]) -> list[FitRun]:
+    """The records as if each but the first had begun where those before it left the stage."""
+    found = list(fits)
+    before: Turns = ()
+    for nth, i in enumerate(_in_order(fits)):
+        way_V = _swings(fits[i].run)
+        if not nth and fits[i].run.begins_at_0_V:
+            found[i] = replace(fits[i], turned_V=None)
+        if nth:
+            turned_V = left_behind(before, way_V[0])
+            if turned_V and abs(turned_V[-1] - way_V[0]) < _noise_V(fits[i].run):
+                turned_V = turned_V[:-1]
+            found[i] = replace(fits[i], turned_V=turned_V if turned_V or not fits[i].run.begins_at_0_V else None)
+        for volt in way_V:
+            before = (*left_behind(before, volt), volt)
+    return found
+
+
+def _in_order(fits: Sequence[FitRun]) -> list[int]:
+    """By when records were taken, where they share no time; else as they are given."""
+    spans_s = [((fit.run.t0_unix_s or 0.0) + fit.run.t_s[[0, -1]]).tolist() for fit in fits]
+    order = sorted(range(len(fits)), key=spans_s.__getitem__)
+    apart = all(spans_s[i][1] < spans_s[k][0] for i, k in pairwise(order))
+    of_one_clock = len({fit.run.t0_unix_s is None for fit in fits}) == 1
+    return order if apart and of_one_clock else list(range(len(fits)))
+
+
+def in_part(session: Sequence[FitRun], others: Sequence[FitRun], operator: Leaves) -> list[FitRun]:
+    """Of a session the records that an operator explains about as well as with ``others``, their likeliest memories,
+    which stand for the rest. All of the others where most are like that."""
+
+    def left(fit: FitRun) -> float:
+        return float(np.var(operator.residual(fit.with_start())))
+
+    pairs = zip(session, others, strict=True)
+    found = [mine if OTHER_MEMORY * left(mine) <= left(other) else other for mine, other in pairs]
+    kept = sum(one is mine for one, mine in zip(found, session, strict=True))
+    return found if 2 * kept > len(found) else list(others)
+
+
+def told_session(fits: Sequence[FitRun], session: Sequence[FitRun]) -> list[str]:
+    """What is said of records of which most begin as in a session; the first may have begun anywhere."""
+    later = _in_order(fits)[1:]
+    apart = [fits[i] for i in sorted(later) if fits[i].turned_V != session[i].turned_V]
+    if not apart:
+        return [IN_ORDER]
+    if 2 * len(apart) >= len(fits):
+        return told_memories(fits)
+    named = _some([_named(fit) for fit in apart])
+    return [f"{IN_ORDER}, but for {named}: there something else was driven in between, or the order is another"]
+
+
+def _swings(run: AxisRun) -> list[float]:
+    """The voltages between which a record goes, from its first to its last; what turns by little is noise."""
+    u, noise_V = run.u_V, _noise_V(run)
+    found = [run.first_V]
+    for volt in [*u[run.turning_rows].tolist(), float(u[-1])]:
+        goes_on = len(found) > 1 and (volt - found[-1]) * (found[-1] - found[-2]) >= 0
+        if goes_on:
+            found[-1] = volt
+        elif abs(volt - found[-1]) > noise_V:
+            found.append(volt)
+    return found
+
+
+def _noise_V(run: AxisRun) -> float:
+    """A voltage that turns by less has not turned."""
+    return TURN_SHARE * float(np.ptp(run.u_V))
+
+
+def left_behind(turns: Turns, to_V: float) -> Turns:
+    """Of these turns those that a stage remembers that goes on to this voltage: a swing wipes out all smaller ones. The
+    farthest on either side of 0 V stay: how plays rest is not known, and one that rests at an end of its width
+    remembers them."""
+    while turns:
+        last_V, before_V = turns[-1], turns[-2] if len(turns) > 1 else 0.0
+        way, way_before = to_V - last_V, last_V - before_V
+        if way * way_before >= 0:
+            turns = turns[:-1]
+        elif len(turns) > 1 and abs(way) >= abs(way_before):
+            turns = turns[:-2] if len(turns) > 2 or last_V * before_V >= 0 else (last_V,)
+        else:
+            break
+    return turns
 
 
 def told_memories(fits: Sequence[FitRun]) -> list[str]:
@@ -255,7 +352,8 @@ def told_memories(fits: Sequence[FitRun]) -> list[str]:
 
 
 def _named(fit: FitRun) -> str:
-    return f"{fit.run.source} (from {' and then '.join(f'{volt:.3g} V' for volt in fit.turned_V or ())})"
+    ways = " and then ".join(f"{volt:.3g} V" for volt in fit.turned_V or ())
+    return f"{fit.run.source} (from about {ways})" if ways else f"{fit.run.source} (straight from rest)"
 
 
 def _turning_points_V(fits: Sequence[FitRun]) -> list[float]:
@@ -273,6 +371,12 @@ def _turning_points_V(fits: Sequence[FitRun]) -> list[float]:
 def _message(elsewhere: list[str], count: int) -> list[str]:
     if not elsewhere:
         return []
-    more = f" and {len(elsewhere) - NAMED_RECORDS} more" if len(elsewhere) > NAMED_RECORDS else ""
-    named = f"{', '.join(elsewhere[:NAMED_RECORDS])}{more}"
-    return [f"{len(elsewhere)} of {count} records do not start from rest, where each began was fitted: {named}"]
+    return [
+        f"{len(elsewhere)} of {count} records do not start from rest, where each began was fitted: {_some(elsewhere)}"
+    ]
+
+
+def _some(names: list[str]) -> str:
+    """The first of some names, and how many more there are."""
+    more = f" and {len(names) - NAMED_RECORDS} more" if len(names) > NAMED_RECORDS else ""
+    return f"{', '.join(names[:NAMED_RECORDS])}{more}"

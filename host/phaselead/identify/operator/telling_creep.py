@@ -42,6 +42,8 @@ def creep_beside(runs: Sequence[AxisRun], known: OperatorFit, modes: tuple[Mode,
         return None
     tried, beside = _tried(records.runs), AxisModel(time=known.view)
     um_per_V = float(found.slopes[: fine.n_segments].mean())
+    if not um_per_V > 0:  # of a stage that hardly moves nothing creeps
+        return None
     terms = [one.terms for one in tried]
     terms += [(np.ones(1), np.array([tau_s])) for tau_s in _quick_s(records.runs)]
     each = (_columns(f, of.run, found, terms, um_per_V, beside) for f, of in zip(records.fits, less.fits, strict=True))

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.optimize import minimize
 
+from phaselead.errors import BadInput
 from phaselead.identify.gauss_newton import ridged
 from phaselead.identify.operator.choosing import FINEST
 from phaselead.identify.operator.records import Records, searched_from
@@ -112,4 +113,8 @@ def _without_first(moments: Samples, count: int) -> Samples:
     unit = np.sqrt(np.maximum(np.diag(first), 1e-300))
     scaled = across / unit[:, None]
     held = ridged(first / np.outer(unit, unit), SLOPES_RIDGE)
-    return np.asarray(moments[count:, count:] - scaled.T @ np.linalg.solve(held, scaled))
+    try:
+        told = np.linalg.solve(held, scaled)
+    except np.linalg.LinAlgError:
+        raise BadInput("the fit is singular; are all records of one stage?") from None
+    return np.asarray(moments[count:, count:] - scaled.T @ told)
