@@ -19,7 +19,8 @@ from pathlib import Path
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-from phaselead.gap import keep_freed_memory, run_gap
+from phaselead.freed_memory import keep_freed_memory
+from phaselead.gap import run_gap
 from phaselead.validation.trial import base_model
 from phaselead.validation.truth import load_truth
 

@@ -21,7 +21,8 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import numpy as np
 from scipy.signal import cont2discrete, lfilter
 
-from phaselead.gap import GapResult, keep_freed_memory, run_gap
+from phaselead.freed_memory import keep_freed_memory
+from phaselead.gap import GapResult, run_gap
 from phaselead.identify import fit
 from phaselead.record import Recording, Samples
 from phaselead.record.recording import AxisRecord

@@ -14,7 +14,7 @@ HOST = Path(__file__).parents[1] / "host"
 ROOMS = (
     "cli", "api", "demo", "drivers", "gcs", "scope", "report", "validation", "gap", "control", "identify", "sim",
     "device", "waveforms", "model", "record", "drawing", "serial_ports", "result", "quantity", "compiled", "interrupt",
-    "source_tree", "nearest", "version", "errors",
+    "freed_memory", "source_tree", "nearest", "version", "errors",
 )  # fmt: skip
 """From the top floor down: each may import only what stands after it. docs/design.md draws the same order."""
 FACE = {"", "__main__"}

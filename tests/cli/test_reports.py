@@ -16,10 +16,12 @@ from phaselead.drawing import BLUE, GREEN, GREY, ORANGE, PURPLE, RED
 from phaselead.gap import GapResult, NamedEffect, Trace
 from phaselead.gap.findings import GapSize
 from phaselead.model import AxisModel, Stage
+from phaselead.record import Source
 from phaselead.report import page as page_module
 from phaselead.report.axis_figures import bode_figure, creep_figure, noise_figure, response_of, step_figure
 from phaselead.report.campaign import ON_DARK, ON_LIGHT, confusion_figure
 from phaselead.report.gap import cards, in_usual_unit, scaled_row, trace_figure, verdict_card
+from phaselead.report.origin import Origin
 from phaselead.report.page import COLOURS_OF_THE_PAGE, command_line, render
 from phaselead.report.results import result_page
 from phaselead.sim import built_in
@@ -258,3 +260,12 @@ def test_a_page_says_which_command_made_it(monkeypatch, called, said):
     assert command_line() == said
     page = render("result.html", title="t", lead=[], cards=[], parts=[])
     assert f"<code>{escape(said)}</code>" in page if said else "<footer>Written by phaselead 0.1.0." in page
+
+
+def test_recordings_that_are_called_alike_are_told_apart_by_their_folders():
+    every = [
+        Source(path, f"{i:064x}") for i, path in enumerate(["a/rec.csv", "b/rec.csv", "/tmp/other.csv", "rec.csv", ""])
+    ]
+    ((_, trained), (_, held)) = Origin({"train": every[:1] * 2, "hold out": every[1:]}).used()
+    assert [row["name"] for row in trained] == ["a/rec.csv"]
+    assert [row["name"] for row in held] == ["b/rec.csv", "other.csv", "rec.csv", ""]

@@ -11,11 +11,10 @@ import pytest
 from phaselead.gap import base_operator
 from phaselead.gap.axis import _proposal
 from phaselead.gap.base_operator import find_memory, with_operator
-from phaselead.gap.plain_fits import each_fitted
-from phaselead.gap.posterior import Claim
+from phaselead.gap.effect_search import select_effects
+from phaselead.gap.posterior import Claim, each_fitted
 from phaselead.gap.records import GapRun
 from phaselead.gap.residual import left_um, modelled_run
-from phaselead.gap.search import select_effects
 from phaselead.gap.selection import Selection
 from phaselead.model import Stage, predict, simulate
 from phaselead.model.axis import AdoptedEffect, AxisModel, TimeView
@@ -78,7 +77,7 @@ def a_track():
         rest_fraction=-1.0, u_range_V=(0.0, 8.0), rate_Hz=1 / STEP_s, residual_um_rms=0.1,
     )  # fmt: skip
     mode = AdoptedEffect(name="resonance", params={"c": (0.9, 0.1), "f_Hz": (150.0, 420.0), "zeta": (0.02, 0.05)})
-    run = GapRun("x", "train", t, u, np.zeros(2000), None, 0, 2000, "made.csv", "", {}, {})
+    run = GapRun("x", "train", t, u, np.zeros(2000), None, 0, 2000, "made.csv", {}, {})
     return modelled_run(AxisModel(time=view, effects=(mode,)), run)
 
 
@@ -122,7 +121,7 @@ def a_session(axis, seed=0, levels=LEVELS):
         phase = rng.uniform(0, 6)
         quick = np.interp(np.arange(2000), np.arange(0, 2000, 9), rng.uniform(-1, 1, 223))
         u = 4 + level * (3 * np.sin(2 * np.pi * 5 * made.run.t_s + phase) + quick)
-        driven = modelled_run(axis, replace(made.run, role=role, u_V=u, sha256=f"{role}{level}"))
+        driven = modelled_run(axis, replace(made.run, role=role, u_V=u))
         runs.append(replace(driven.run, x_um=driven.answer() + rng.normal(0, 0.01, 2000)))
     return runs
 
@@ -209,7 +208,7 @@ def test_a_record_begins_with_a_step_from_rest_or_where_it_had_stood(plays, step
     led = u if stepped else np.concatenate([np.linspace(0, 4, 4000), np.full(2000, 4.0), u])
     x = simulate(axis, np.arange(len(led)) * STEP_s, led)[-2000:]
     x = x + np.random.default_rng(0).normal(0, 0.01, 2000)
-    made = modelled_run(axis, GapRun("x", "train", t, u, x, None, 0, 2000, "made.csv", "", {}, {}))
+    made = modelled_run(axis, GapRun("x", "train", t, u, x, None, 0, 2000, "made.csv", {}, {}))
     assert (made.began is None) == stepped
     assert made.error().std() < 0.012
 
@@ -243,7 +242,7 @@ def test_a_mode_that_a_line_lacks_rings_from_where_the_stage_was_parked():
     u = 4 + np.where(t > 0.2, 1.0, 0.0)
     led = np.concatenate([np.linspace(0, 4, 1000), np.full(1000, 4.0), u])
     x = simulate(ringing, np.arange(4000) * STEP_s, led)[2000:]
-    made = modelled_run(line, GapRun("x", "train", t, u, x, None, 0, 2000, "made.csv", "", {}, {}))
+    made = modelled_run(line, GapRun("x", "train", t, u, x, None, 0, 2000, "made.csv", {}, {}))
     best, params = each_fitted([made], [effect("resonance"), effect("delay")])[0]
     assert best.name == "resonance"
     left = made.error([(best, params)])

@@ -14,14 +14,13 @@ from scipy.signal import lfilter
 from test_gap_laws import waves
 
 from phaselead.gap import run_gap
-from phaselead.gap.base_refit import BASE_SEGMENTS, PLAY_STD, columns_beyond, span_of_fields
+from phaselead.gap.base_refit import BASE_SEGMENTS, PLAY_STD, columns_beyond, mean_slope, span_of_fields
+from phaselead.gap.history import with_stood
 from phaselead.gap.posterior import likelihood_of
-from phaselead.gap.posterior.before import with_stood
 from phaselead.gap.posterior.blocks import BlockedRun
-from phaselead.gap.posterior.missed import TIMES_BASE
-from phaselead.gap.posterior.search import search_sets
+from phaselead.gap.posterior.contest import search_sets
+from phaselead.gap.posterior.equation_misfit import TIMES_BASE
 from phaselead.gap.records import GapRun
-from phaselead.gap.regressors import mean_slope
 from phaselead.gap.residual import modelled_run, run_from_where_it_stood
 from phaselead.identify import fit
 from phaselead.model import Chain, catalogue
@@ -45,7 +44,7 @@ WITHOUT = tuple(name for name in catalogue() if name not in KEPT)
 def run_of(u_V, x_um=None, role="train", name="a"):
     t_s = np.arange(len(u_V)) / RATE_HZ
     x_um = np.zeros(len(u_V)) if x_um is None else x_um
-    return GapRun("x", role, t_s, u_V, x_um, None, 0, len(u_V), f"{name}.csv", name, {}, {})
+    return GapRun("x", role, t_s, u_V, x_um, None, 0, len(u_V), f"{name}.csv", {}, {})
 
 
 @st.composite

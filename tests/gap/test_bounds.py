@@ -10,9 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from toy import GAIN, Toy, sized
 
-from phaselead.gap.posterior.absent import _largest, largest_sizes
-from phaselead.gap.posterior.missed import TIMES_BASE
-from phaselead.gap.posterior.search import Contest
+from phaselead.gap.bounds import _largest, largest_sizes
+from phaselead.gap.posterior.contest import Contest
+from phaselead.gap.posterior.equation_misfit import TIMES_BASE
 from phaselead.gap.posterior.shapes import Shapes
 from phaselead.gap.posterior.starts import SizedGroup, Starts
 from phaselead.gap.regressors import RegressorGroup, typical_sizes
@@ -28,7 +28,7 @@ def bound(likelihood):
     columns = [run.coefficients(run.modelled.columns[GAIN.name][:, None]) * run.changed for run in likelihood.runs]
     group = RegressorGroup(GAIN, {}, typical_sizes(GAIN))
     starts.shapes = Shapes([group], [one.astype(np.float32) for one in columns])
-    contest = Contest(likelihood, {(): nothing}, 1, starts=starts)
+    contest = Contest(likelihood, {(): nothing}, starts)
     return largest_sizes(contest, nothing, [GAIN])[GAIN.name] / SIZE.typical
 
 

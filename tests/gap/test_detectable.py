@@ -15,7 +15,7 @@ from test_posterior_likelihood import Toy
 
 from phaselead.gap.findings import Bound, Detectable
 from phaselead.gap.posterior.detectable import MOST_STATED, TRIED, _Expected, _least, detectable
-from phaselead.gap.posterior.missed import MOST_MISSED, SHARES
+from phaselead.gap.posterior.equation_misfit import MOST_MISSED, SHARES
 from phaselead.gap.posterior.priors import KNOWN_BEFORE, SIZES
 from phaselead.gap.posterior.shapes import Products, Shapes
 from phaselead.gap.posterior.starts import at_all_sizes

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import hashlib
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+from phaselead.gap.bounds import largest_disturbances
+from phaselead.gap.disturbances.disturbance_search import find_disturbances
 from phaselead.gap.disturbances.jitter import find_jitter
-from phaselead.gap.disturbances.search import find_disturbances
-from phaselead.gap.disturbances.upper_sizes import largest
 from phaselead.gap.disturbances.vibration import find_vibration, louder_at_rest
 from phaselead.gap.records import GapRun
 from phaselead.gap.residual import RunResidual
@@ -21,8 +20,7 @@ STEP_s = 1e-3
 
 def run_of(u_V: np.ndarray, x_um: np.ndarray, role: str = "train") -> GapRun:
     t = np.arange(len(u_V)) * STEP_s
-    digest = hashlib.sha256(x_um.tobytes()).hexdigest()
-    return GapRun("x", role, t, u_V, x_um, None, 0, len(u_V), "made.csv", digest, {}, {})  # type: ignore[arg-type]
+    return GapRun("x", role, t, u_V, x_um, None, 0, len(u_V), "made.csv", {}, {})  # type: ignore[arg-type]
 
 
 def ringing(rng: np.random.Generator, n: int, f_Hz: float, zeta: float) -> np.ndarray:
@@ -368,15 +366,15 @@ def test_a_disturbance_is_no_larger_than_all_that_is_left(seed, noise_um):
         return [left(error_um + noise_um * rng.normal(size=n)) for _ in range(2)]
 
     shaken, humming = rest(ringing(rng, n, 60.0, 0.02)), rest(0.02 * np.sin(2 * np.pi * 50 * t))
-    assert largest(shaken[:1], shaken[1:])["band"] >= 0.0099
-    assert largest(humming[:1], humming[1:])["lines"] >= 0.0199
-    assert set(largest(shaken[:1], shaken[1:])) == {"lines", "band"}
+    assert largest_disturbances(shaken[:1], shaken[1:])["band"] >= 0.0099
+    assert largest_disturbances(humming[:1], humming[1:])["lines"] >= 0.0199
+    assert set(largest_disturbances(shaken[:1], shaken[1:])) == {"lines", "band"}
     parts = [moving(rng, n, noise_um) for _ in range(2)]
     grid = [RunResidual(r.run, r.error_um + 0.05 * np.round(r.run.x_um / 0.05) - r.run.x_um) for r in parts]
-    assert largest(grid[:1], grid[1:])["grid"] >= 0.049
+    assert largest_disturbances(grid[:1], grid[1:])["grid"] >= 0.049
     late = [RunResidual(r.run, r.error_um + 1e-5 * rng.normal(size=n) * r.speed_um_per_s) for r in parts]
-    assert largest(late[:1], late[1:])["speed"] >= 0.97e-5
-    assert set(largest(late[:1], late[1:])) == {"grid", "speed"}
+    assert largest_disturbances(late[:1], late[1:])["speed"] >= 0.97e-5
+    assert set(largest_disturbances(late[:1], late[1:])) == {"grid", "speed"}
 
 
 def test_a_clock_is_not_tested_without_references():

@@ -13,7 +13,8 @@ from scipy.signal import lfilter
 from phaselead.gap.findings import GapSize
 from phaselead.gap.floor import floor_of
 from phaselead.gap.goodness_of_fit import OF_THE_RICHEST, FinalFit
-from phaselead.gap.posterior import Contest, Starts, likelihood_of
+from phaselead.gap.posterior import Contest, likelihood_of
+from phaselead.gap.posterior.starts import Starts
 from phaselead.gap.records import GapRun
 from phaselead.gap.residual import modelled_run
 from phaselead.gap.run import _gap
@@ -33,10 +34,10 @@ def contest(rows, roles, added=lambda u: 0.0 * u, noise_um=None):
         u = 4 + np.cumsum(rng.normal(0, 0.1, rows)) if role != "idle" else np.full(rows, 4.0)
         x = 8 * u + added(u) + (rng.normal(0, NOISE_um, rows) if noise_um is None else noise_um[i])
         t_s, of_role = np.arange(rows) * STEP_s, "reference" if role == "idle" else role
-        run = GapRun("x", of_role, t_s, u, x, None, 0, rows, "a", str(i), {}, {})
+        run = GapRun("x", of_role, t_s, u, x, None, 0, rows, "a", {}, {})
         runs.append(modelled_run(LINE, run))
     likelihood = likelihood_of(runs)
-    return Contest(likelihood, {}, len(EFFECTS), starts=Starts(likelihood, EFFECTS))
+    return Contest(likelihood, {}, Starts(likelihood, EFFECTS))
 
 
 @pytest.mark.parametrize("rows", [300, 4000])

@@ -11,6 +11,7 @@ import pytest
 from phaselead.gap.bounds import upper_bounds
 from phaselead.gap.parameters import SizedEffect
 from phaselead.gap.posterior import Contest, Forecast, Likelihood, likelihood_of
+from phaselead.gap.posterior.starts import Starts
 from phaselead.gap.records import GapRun
 from phaselead.gap.residual import modelled_run
 from phaselead.gap.selection import Selection
@@ -38,7 +39,7 @@ def run_of(u: np.ndarray, role: str, seed: int, *entries) -> GapRun:
     t = np.arange(len(u)) * STEP_s
     x = Chain(LINE, t, u).run(entries) + 0.05 * (u - 4) ** 2 / 16
     x = x + NOISE_um * np.random.default_rng(seed).normal(size=len(u))
-    return GapRun("x", role, t, u, x, None, 0, len(u), f"{seed}.csv", str(seed), {}, {})  # type: ignore[arg-type]
+    return GapRun("x", role, t, u, x, None, 0, len(u), f"{seed}.csv", {}, {})  # type: ignore[arg-type]
 
 
 @cache
@@ -151,7 +152,7 @@ def test_a_bound_holds_the_size_of_what_is_too_small_to_be_named(hidden, params)
         runs += [run_of(wave(FAST), "train", 1000 * seed + 5, entry)]
         runs += [run_of(wave(SLOW), "holdout", 1000 * seed + 6, entry)]
         likelihood = likelihood_of([modelled_run(LINE, run) for run in runs])
-        contest = Contest(likelihood, {}, len(RIVALS))
+        contest = Contest(likelihood, {}, Starts(likelihood, [effect(hidden)]))
         found, _ = upper_bounds(Selection(None, LINE, (), contest=contest), [effect(hidden)], set())
         bounds += [bound.upper_95 for bound in found]
     assert sum(upper >= size for upper in bounds) >= FEWEST_HELD

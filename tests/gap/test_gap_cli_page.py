@@ -63,6 +63,7 @@ def result() -> GapResult:
         candidates=(
             Candidate(1, "resonance", 50.0, "named"),
             Candidate(2, "creep + delay", 9.0, "named"),
+            Candidate(2, "resonance + creep", 8.0, "named"),
         ),
         traces=(Trace("rec.csv", "x", t, x / 10, x, before, after),),
         untestable_why={"vibration": "needs idle records"},
@@ -89,12 +90,13 @@ def test_the_page_says_what_where_and_what_remains():
         "Adopted provisionally: delay",
         "From the voltage a generic model predicts 42 % of what the names leave (chance alone: up to 5 %). Chance",
         "of the power above the floor remains on the held-out records",
-        "Each of these effects is, with a probability of 95 %, no larger than its bound; to be named it would have",
+        "Each of these effects is, with a probability of 95 %, no larger than its bound; the next column says from",
         "These are not present at their typical size. effect bound (95 %) expected to be named from typical size unit",
         "creep 0.002 0.015 per decade These may be present at their typical size",
         "could be one of them. effect bound (95 %) expected to be named from typical size unit",
         "softening (y) 0.2 0.15",
         "creep + delay 9.0 most probable; delay in a tie",
+        "resonance + creep 8.0 most probable; resonance named",
         "phaselead gap next tie.json --model model.toml --port P",
         "Vibration : needs idle records",
         "A multisine of 2 V peak-to-peak about 3 V, 5 to 1000 Hz, for 2 s. It is to tell apart delay and amplifier "
@@ -115,6 +117,7 @@ def test_a_page_of_nothing():
     assert "Nothing was found that is not among the known errors of the base model." in said
     assert "There is no residual to locate." in said
     assert "The data call for no effect of the catalogue." in said
+    assert "Nothing was adopted: the gap is as it was." in said
 
 
 def test_a_page_of_the_unknown_does_not_say_that_nothing_is_there():

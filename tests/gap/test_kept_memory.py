@@ -11,7 +11,7 @@ import pytest
 ALLOCATE = """
 import resource, sys
 import numpy as np
-from phaselead.gap.run import keep_freed_memory
+from phaselead.freed_memory import keep_freed_memory
 
 kept = keep_freed_memory() if sys.argv[1] == "keep" else False
 for i in range(4):

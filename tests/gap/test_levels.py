@@ -17,8 +17,9 @@ from phaselead.gap.derived import derived_of
 from phaselead.gap.findings import NamedEffect, Posterior
 from phaselead.gap.posterior import Contest, likelihood_of
 from phaselead.gap.posterior.blocks import FEWEST_LEVELS, OF_LEVEL, blocked
-from phaselead.gap.posterior.expected import expected_of
-from phaselead.gap.records import axis_runs, roles_at_one_time
+from phaselead.gap.posterior.noise_and_base_share import expected_of
+from phaselead.gap.posterior.starts import Starts
+from phaselead.gap.records import axis_runs, taken_at_once
 from phaselead.gap.residual import modelled_run
 from phaselead.identify import fit
 from phaselead.model import AdoptedEffect, AxisModel, Scene, TimeView, catalogue
@@ -98,9 +99,9 @@ def test_two_windows_of_one_file_are_of_two_times():
     """The rows before a window belong to the run, and are not of its time."""
     t_s = 1e-3 * np.arange(4000.0)
     one, other = (Made(role="train", span_s=(t_s[a], t_s[b])) for a, b in ((0, 1999), (2000, 3999)))
-    assert roles_at_one_time([one, other]) == []
-    assert roles_at_one_time([one, one]) == ["train"]
-    assert roles_at_one_time([one, Made(role="holdout", span_s=one.span_s)]) == []
+    assert not taken_at_once([one, other])
+    assert taken_at_once([one, one])
+    assert not taken_at_once([one, Made(role="holdout", span_s=one.span_s)])
 
 
 def odds(runs, entries):
@@ -213,7 +214,7 @@ def test_where_records_stand_speaks_neither_for_nor_against_what_goes_on_between
     likelihood, creep = likelihood_of(recorded(TRUE_um_per_s)), catalogue()["creep"]
     creeping = [(creep, creep.complete({creep.sizes[0].name: creep.sizes[0].typical}))]
     fits = [likelihood.fit(entries, steps=10) for entries in ((), [drift(TRUE_um_per_s)], creeping)]
-    contest = Contest(likelihood, {fit.names: fit for fit in fits}, 2)
+    contest = Contest(likelihood, {fit.names: fit for fit in fits}, Starts(likelihood, [DRIFT, creep]))
     of_nothing, of_drift, of_creep = fits
     assert of_drift.log_levels > of_nothing.log_levels + 5
     assert contest.log_evidence(()) == of_nothing.log_evidence

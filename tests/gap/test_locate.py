@@ -25,7 +25,7 @@ WANDERING = Noise(np.array([1.0, -0.3]), 0.005, 0.03, 0.4, 1e-7)
 def run_of(u: np.ndarray, name: str = "rec") -> GapRun:
     n = len(u)
     t = np.arange(n) / RATE_HZ
-    return GapRun("x", "holdout", t, u, np.zeros(n), None, 0, n, name, name, {}, {})
+    return GapRun("x", "holdout", t, u, np.zeros(n), None, 0, n, name, {}, {})
 
 
 def steps(seconds: float = 24.0) -> np.ndarray:

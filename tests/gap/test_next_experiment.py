@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from phaselead.gap.design import excitation_of, modes_crossed_Hz
-from phaselead.gap.design.excitation import SHAPES, Excitation, excitations, repeats, span_V
+from phaselead.gap.design.excitation import SHAPES, Excitation, about_limits, excitations, repeats, span_V
 from phaselead.gap.design.next_experiment import chance_of_naming, passes, sensor_for
 from phaselead.gap.findings import NextExperiment
 from phaselead.gap.records import GapRun
@@ -188,6 +188,16 @@ def test_a_device_that_may_put_out_none_of_the_fitted_voltages_is_offered_no_exp
     view = VIEW.model_copy(update={"u_range_V": u_range_V})
     axis = AxisModel(time=view, limits=Limits(u_min_V=-2.0, u_max_V=u_max_V))
     assert excitations(axis, 1 / 5000) == []
+    (line,) = about_limits(axis)
+    assert ", 0 % of the voltages that the model was fitted on" in line
+
+
+@pytest.mark.parametrize(("u_max_V", "said"), [(10.0, " 10 % "), (50.0, " 52 % "), (96.0, ""), (120.0, "")])
+def test_limits_that_leave_a_part_of_the_fitted_voltages_are_told(u_max_V, said):
+    """Of a stage of 97 V with the built-in limits an experiment of 2 V was proposed, and nothing said why."""
+    view = VIEW.model_copy(update={"u_range_V": (0.0, 97.0)})
+    axis = AxisModel(time=view, limits=Limits(u_min_V=-2.0, u_max_V=u_max_V))
+    assert [said in line for line in about_limits(axis)] == ([True] if said else [])
 
 
 @pytest.mark.parametrize("name", SHAPES)
@@ -207,7 +217,7 @@ def test_what_is_predicted_is_what_the_device_plays(name):
 
 def run_of(u: np.ndarray, role: str) -> ModelledRun:
     t = np.arange(len(u)) / RATE_HZ
-    run = GapRun("x", role, t, u, 20 * u, None, 0, len(u), f"lab/{role}.csv", role, {}, {})  # type: ignore[arg-type]
+    run = GapRun("x", role, t, u, 20 * u, None, 0, len(u), f"lab/{role}.csv", {}, {})  # type: ignore[arg-type]
     return modelled_run(AxisModel(time=VIEW), run)
 
 

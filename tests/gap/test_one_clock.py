@@ -9,8 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from phaselead.gap.one_clock import seconds_into_session
-from phaselead.gap.records import axis_runs
+from phaselead.gap.records import axis_runs, seconds_into_session
 from phaselead.gap.run import run_gap
 from phaselead.identify import fit
 from phaselead.model import AxisModel, Stage, TimeView, catalogue

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from dataclasses import replace
 
 import numpy as np
@@ -11,8 +10,8 @@ from scipy.signal import cont2discrete, lfilter
 
 from phaselead.gap.least_squares import fitted_in_um
 from phaselead.gap.parameters import SizedEffect
-from phaselead.gap.plain_fits import each_fitted
-from phaselead.gap.posterior import Starts, likelihood_of
+from phaselead.gap.posterior import each_fitted, likelihood_of
+from phaselead.gap.posterior.starts import Starts
 from phaselead.gap.records import GapRun
 from phaselead.gap.residual import modelled_run
 from phaselead.model.axis import AdoptedEffect, AxisModel, TimeView
@@ -39,8 +38,7 @@ def stepped(x_of_steps):
     x = x_of_steps(mode(3 * np.repeat(u, FINE), 250.0, 0.03))[FINE // 2 :: FINE] + 0.01 * rng.normal(size=len(u))
     own = AdoptedEffect(name="resonance", params={"c": (1.0,), "f_Hz": (250.0,), "zeta": (0.03,)})
     axis = AxisModel(time=TimeView(gain_um_per_V=3.0, u_range_V=(0.0, 8.0), rate_Hz=RATE_Hz), effects=(own,))
-    digest = hashlib.sha256(x.tobytes()).hexdigest()
-    run = GapRun("x", "train", np.arange(len(u)) / RATE_Hz, u, x, None, 0, len(u), "made.csv", digest, {}, {})
+    run = GapRun("x", "train", np.arange(len(u)) / RATE_Hz, u, x, None, 0, len(u), "made.csv", {}, {})
     return modelled_run(axis, run)
 
 

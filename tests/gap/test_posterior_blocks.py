@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from scipy.fft import idct, next_fast_len
 
 from phaselead.gap.posterior.blocks import FALLS_BY, BlockedRun, CARRIED_OVER_s, blocked
-from phaselead.gap.posterior.expected import BASE_SHARE, LEAST_UM2, UNTOLD, Expected, expected_of
+from phaselead.gap.posterior.noise_and_base_share import BASE_SHARE, LEAST_UM2, UNTOLD, Expected, expected_of
 from phaselead.model.axis import AdoptedEffect, AxisModel, TimeView
 
 STEP_S = 1e-3

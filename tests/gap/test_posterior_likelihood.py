@@ -10,14 +10,14 @@ from scipy.special import gammaln, logsumexp
 from scipy.stats import norm
 from toy import BASE_SHARE, GAIN, LATE, NOISE_UM2, ROLES, ROWS, SLOW, Toy, amount_of, sized
 
-from phaselead.gap.posterior import may_miss
+from phaselead.gap.posterior import shared_misfit
+from phaselead.gap.posterior.equation_misfit import LEAST_OF_MATERIAL, MOST_MISSED, OUTSIDE, SHARES, TIMES_BASE
 from phaselead.gap.posterior.interval import intervals
 from phaselead.gap.posterior.likelihood import Likelihood
-from phaselead.gap.posterior.may_miss import LIKE_RIVALS
-from phaselead.gap.posterior.missed import LEAST_OF_MATERIAL, MOST_MISSED, OUTSIDE, SHARES, TIMES_BASE
 from phaselead.gap.posterior.moments import Amounts
 from phaselead.gap.posterior.priors import prior_of
 from phaselead.gap.posterior.sets import confused
+from phaselead.gap.posterior.shared_misfit import LIKE_RIVALS
 from phaselead.model import Place
 from phaselead.model.effects import effect
 
@@ -329,8 +329,8 @@ class TestRivals:
     def test_it_is_a_tenth_in_all_however_large_the_columns_are(self, monkeypatch):
         large = sized(4.0, LATE)
         among = Toy(6, [large]).likelihood.knowing([sized(0.1, SLOW), sized(10.0, SLOW)])
-        deviations = may_miss.fault_deviations
-        monkeypatch.setattr(may_miss, "fault_deviations", lambda rival: 3 * deviations(rival))
+        deviations = shared_misfit.fault_deviations
+        monkeypatch.setattr(shared_misfit, "fault_deviations", lambda rival: 3 * deviations(rival))
         added = self.added(among, large)
         assert self.power(added) == pytest.approx(self.expected_power(among, large))
         each = [self.power([one[:, [i]] for one in added]) for i in range(3)]

@@ -10,9 +10,9 @@ import pytest
 
 from phaselead.gap.findings import GapSize
 from phaselead.gap.goodness_of_fit import FinalFit
+from phaselead.gap.history import before_record
 from phaselead.gap.parameters import fresh_columns, parameters_of
 from phaselead.gap.posterior import Likelihood, likelihood_of
-from phaselead.gap.posterior.before import before_record
 from phaselead.gap.posterior.blocks import REMEMBERED, BlockedRun
 from phaselead.gap.posterior.starts import Starts
 from phaselead.gap.records import GapRun
@@ -52,7 +52,7 @@ def run_of(role, seed):
     rng, t = np.random.default_rng(seed), np.arange(ROWS) * STEP_S
     u = 4 + 1.5 * np.sin(2 * np.pi * (3 + seed) * t) + 0.5 * np.sin(2 * np.pi * 70 * t)
     x = Chain(LOOPS, t, u).run(sized(SETS["several"])) + 0.01 * rng.normal(size=ROWS)
-    return GapRun("x", role, t, u, x, None, 0, ROWS, f"{seed}.csv", str(seed), {}, {})
+    return GapRun("x", role, t, u, x, None, 0, ROWS, f"{seed}.csv", {}, {})
 
 
 @cache
@@ -189,5 +189,5 @@ def test_where_nothing_had_gone_on_before_the_gap_stays(name):
         replace(run, run=replace(run.run, x_um=run.answer(entries) + 0.01 * rng.normal(size=ROWS))) for run in runs
     ]
     final = FinalFit(LOOPS, entries, tuple(measured), tuple(measured), GapSize(0.0, 0.0, 0.0))
-    left = np.concatenate([one.error_um for one in final.residuals_before("holdout")])
+    left = np.concatenate([one.error_um for one in final.residuals_before()])
     assert final.without_history().gap.before == pytest.approx(np.sqrt(np.mean(left**2)), rel=0.01)

@@ -13,20 +13,26 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from phaselead.gap.error_rates import INSIDE, SURE
-from phaselead.gap.parameters import from_internal, is_logarithmic, to_internal
+from phaselead.gap.parameters import from_internal, is_logarithmic, parameters_of, to_internal
+from phaselead.gap.posterior.contest import WITHIN, Contest, at_an_end
 from phaselead.gap.posterior.priors import log_prior_of_set, prior_of
-from phaselead.gap.posterior.search import Contest, at_an_end
 from phaselead.gap.posterior.sets import Fit
 from phaselead.gap.posterior.verdict import MORE_LIKELY_THAN_NOT, MOST_TIED, judge
 from phaselead.model.effects import effect
 
 NAMES = ("delay", "amplifier_lowpass", "sensor_lowpass", "resonance", "creep", "gain_change", "saturation")
 CATALOGUE = 20
+LOOKED_AT = Made(effects=[Made(name=f"effect {i}") for i in range(CATALOGUE)])
 
 
 def typical(name):
     found = effect(name)
     return found, {p.name: p.typical for p in found.parameters}
+
+
+def terms_of(entries):
+    entries = tuple(entries)
+    return Made(entries=entries, prior=Made(centre=np.zeros(len(parameters_of(entries)))))
 
 
 def contest(logs, held_out=None, named=None):
@@ -36,10 +42,11 @@ def contest(logs, held_out=None, named=None):
     for names, value in logs.items():
         log_evidence = value - log_prior_of_set(len(names), CATALOGUE)
         fitted = log_evidence - (held_out or {}).get(names, 0.4 * value)
-        terms = Made(entries=tuple(typical(name) for name in names))
+        terms = terms_of(typical(name) for name in names)
         sure = (named or {}).get(names, 1.0)
-        fits[tuple(sorted(names))] = Fit(terms, log_evidence, fitted, sure, (0.05, 1.0), np.zeros((0, 0)))
-    return Contest(None, fits, CATALOGUE)
+        known = 1e-6 * np.eye(len(terms.prior.centre))
+        fits[tuple(sorted(names))] = Fit(terms, log_evidence, fitted, sure, 0.05, known)
+    return Contest(None, fits, LOOKED_AT)
 
 
 sets = st.sets(st.sampled_from(NAMES), max_size=3).map(lambda s: tuple(sorted(s)))
@@ -70,7 +77,7 @@ def test_only_differences_of_evidence_count(logs, shift):
         n: replace(f, log_evidence=f.log_evidence + shift, log_evidence_fitted=f.log_evidence_fitted + shift)
         for n, f in plain.fits.items()
     }
-    found, again = judge(plain), judge(Contest(None, shifted, CATALOGUE))
+    found, again = judge(plain), judge(Contest(None, shifted, LOOKED_AT))
     assert found.sets == pytest.approx(again.sets, abs=1e-6)
 
 
@@ -115,6 +122,55 @@ def test_more_rivals_than_say_something_are_no_tie():
     assert judge(contest(logs)).claims
 
 
+def flatter(logs, width):
+    """A contest in which hysteresis surely takes a third of its typical ``lost`` off the travel, and opens its loop by
+    so many deviations of ``width``."""
+    made = contest(logs)
+    loop = effect("hysteresis")
+    sizes = {"width": 1e-3 * width * loop.parameter("width").typical, "lost": loop.parameter("lost").typical / 3}
+    entry = loop, {**{p.name: p.typical for p in loop.parameters}, **sizes}
+    fits = {
+        names: replace(fit, terms=terms_of(entry if e.name == "hysteresis" else (e, p) for e, p in fit.entries))
+        for names, fit in made.fits.items()
+    }
+    return replace(made, fits=fits)
+
+
+def test_a_loop_that_does_not_open_counts_for_the_change_of_gain_that_it_is():
+    """A gain of 3 % was `unknown`, since a loop that does not open and takes 3 % off was 3.4 log units behind it."""
+    logs = {(): 0.0, ("gain_change",): 60.0, ("hysteresis",): 56.6}
+    still, open_ = judge(flatter(logs, width=1.0)), judge(flatter(logs, width=9.0))
+    assert [claim.tied for claim in still.claims] == [("gain_change",)]
+    assert still.claims[0].log_odds == pytest.approx(60.0)
+    assert not open_.claims
+    # The more probable of the two is adopted by its name.
+    swapped = judge(flatter({**logs, ("hysteresis",): 63.0}, width=1.0))
+    assert swapped.best.names == ("gain_change",)
+    assert [claim.tied for claim in swapped.claims] == [("gain_change",)]
+
+
+def test_a_set_far_behind_does_not_stand_for_one_that_bears_its_names():
+    far = judge(flatter({(): 0.0, ("gain_change",): 60.0 - 1.1 * WITHIN, ("hysteresis",): 60.0}, width=1.0))
+    assert far.best.names == ("hysteresis",)
+    assert not far.claims
+    assert far.something_unnamed
+
+
+def test_of_rivals_that_are_as_good_the_first_of_the_contest_is_taken():
+    """It had been the first of a set of strings, another in every process."""
+    logs = {(): 0.0, ("delay",): 60.0, ("amplifier_lowpass", "sensor_lowpass"): 59.5}
+    (claim,) = judge(contest(logs)).claims
+    assert claim.tied == ("delay", "amplifier_lowpass")
+    assert list(judge(contest(logs)).probability) == ["delay", "amplifier_lowpass", "sensor_lowpass"]
+
+
+def test_a_loop_that_does_not_open_has_no_name_where_a_change_of_gain_was_left_out():
+    found = judge(flatter({(): 0.0, ("hysteresis",): 56.6}, width=1.0))
+    assert not found.claims
+    assert found.something_unnamed
+    assert "gain_change" not in found.probability
+
+
 BEND = "sensor_nonlinearity"
 
 
@@ -123,12 +179,11 @@ def scaled_by(gain, logs, looked_at=(BEND,)):
     made = contest(logs)
     entry = (effect("gain_change"), {"gain": gain})
     fits = {
-        names: replace(
-            fit, terms=Made(entries=tuple(entry if e.name == "gain_change" else (e, p) for e, p in fit.entries))
-        )
+        names: replace(fit, terms=terms_of(entry if e.name == "gain_change" else (e, p) for e, p in fit.entries))
         for names, fit in made.fits.items()
     }
-    return replace(made, fits=fits, starts=Made(effects=[effect(name) for name in looked_at]))
+    effects = [*map(effect, looked_at), *made.starts.effects][:CATALOGUE]
+    return replace(made, fits=fits, starts=Made(effects=effects))
 
 
 @given(st.floats(-0.2, 0.2), st.floats(6.0, 60.0))

@@ -36,7 +36,7 @@ def unnamed(system, axis=LINE, count=4):
     roles = ["train"] * (count - 1) + ["holdout"]
     records = outsiders.records(system, count, seconds=2.0)
     runs = [
-        GapRun("x", role, r.t_s, r.axes["x"].u_V, r.axes["x"].x_um, None, 0, len(r.t_s), r.source, r.sha256, {}, {})
+        GapRun("x", role, r.t_s, r.axes["x"].u_V, r.axes["x"].x_um, None, 0, len(r.t_s), r.source, {}, {})
         for role, r in zip(roles, records, strict=True)
     ]
     modelled = tuple(modelled_run(axis, run) for run in runs)
@@ -153,8 +153,8 @@ def test_a_model_that_holds_one_is_doubted():
 
     assert doubts("named") == ()
     assert doubts("provisional") == (
-        "x: the model has delay provisionally, which hides what it stands for; to have it looked for, give the model "
-        "from before",
+        "x: the model holds delay provisionally, a name that no records vouch for; only what changed since is looked "
+        "for. If `gap` put it there, the model from before shows what it is",
     )
 
 

@@ -28,7 +28,7 @@ def power_left(moves_um, role="train", entries=(LOADED,), mode=MODE):
     """Of a record at rest with this motion and noise, beside that of the noise."""
     noise = NOISE_um * np.random.default_rng(5).normal(size=ROWS)
     t_s = STEP_s * np.arange(ROWS)
-    run = GapRun("x", role, t_s, np.zeros(ROWS), moves_um + noise, None, 0, ROWS, "rest.csv", "", {}, {})
+    run = GapRun("x", role, t_s, np.zeros(ROWS), moves_um + noise, None, 0, ROWS, "rest.csv", {}, {})
     modelled = modelled_run(AxisModel(time=VIEW, effects=(mode,)), run)
     final = FinalFit(modelled.axis, entries, (modelled,), (modelled,), GapSize(1.0, 1.0, 1.0))
     (left,) = final.without_ringing(role)

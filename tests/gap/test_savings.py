@@ -2,21 +2,25 @@
 
 from __future__ import annotations
 
+from functools import partial
 from types import SimpleNamespace as Made
 
 import numpy as np
 import pytest
 
 from phaselead.gap.error_rates import ERROR_RATE
+from phaselead.gap.residual import ModelledRun
 from phaselead.gap.savings import probability_by_chance, saved_by_block
 
 ROWS, STEP_S = 4000, 1e-3
 
 
-def a_run(error, fitted=0.0):
-    """A run whose error is ``error`` (n,), less a share of it for every effect in the model."""
+def a_run(error, added=0.0):
+    """A run whose error is ``error`` (n,), and ``added`` (n,) more for every effect in the model."""
     run = Made(start=0, stop=len(error), step_s=STEP_S)
-    return Made(run=run, period_rows=None, error=lambda entries: error * (1 - fitted * len(entries)))
+    made = Made(run=run, period_rows=None, error=lambda entries: error + len(entries) * added)
+    made.error_about_mean = partial(ModelledRun.error_about_mean, made)
+    return made
 
 
 def test_its_rate_of_false_alarms_is_the_stated_one():
@@ -39,7 +43,7 @@ def test_a_saving_in_every_block_is_no_chance_and_a_loss_is():
 def test_what_is_saved_is_the_difference_of_squares_about_each_mean():
     rng = np.random.default_rng(2)
     errors = [rng.normal(size=n) + 100.0 for n in (ROWS, ROWS // 2)]
-    runs = [a_run(error, 0.5) for error in errors]
+    runs = [a_run(error, -0.5 * error) for error in errors]
     saved = saved_by_block(runs, (), runs, ("one",))
     assert saved.sum() == pytest.approx(0.75 * sum(float(np.sum((e - e.mean()) ** 2)) for e in errors))
     assert len(saved) > 10
@@ -51,10 +55,6 @@ def test_effects_of_no_use_save_nothing_beyond_chance():
     for seed in range(300):
         rng = np.random.default_rng(seed)
         error, useless = rng.normal(size=(2, 1000))
-        model = Made(
-            run=Made(start=0, stop=1000, step_s=STEP_S),
-            period_rows=None,
-            error=lambda entries, e=error, w=useless: e + 0.1 * len(entries) * w,
-        )
+        model = a_run(error, 0.1 * useless)
         found.append(probability_by_chance(saved_by_block([model], (), [model], ("one",))))
     assert np.mean(np.array(found) < ERROR_RATE) < 0.01  # what is useless adds its own squares

@@ -12,7 +12,7 @@ from rig import Rig
 from phaselead.errors import BadInput
 from phaselead.gap.records import axis_runs
 from phaselead.gap.run import run_gap
-from phaselead.gap.scale import beside_model, exchange_doubts, refuse_moved_at_rest, refuse_unlike_model, scale_doubts
+from phaselead.gap.scale import beside_model, model_doubts, refuse_moved_at_rest, refuse_unlike_model
 from phaselead.identify import fit
 from phaselead.model import AdoptedEffect, AxisModel, Stage, TimeView, catalogue, predict, range_um, simulate
 from phaselead.model.effects.filters import resonant
@@ -40,9 +40,13 @@ def as_written(part, change):
     return [replace(r, axes={"x": AxisRecord(*change(r.axes["x"].u_V, r.axes["x"].x_um))}, sha256="") for r in part]
 
 
+def doubts_of(model, train, holdout, reference=()):
+    return model_doubts(model, beside_model(model, axis_runs(model, train, holdout, reference)))
+
+
 def doubts(change, of=(True, True)):
     train, holdout = (as_written(part, change) if off else part for part, off in zip(records(), of, strict=True))
-    return scale_doubts(beside_model(stage(), axis_runs(stage(), train, holdout, [])))
+    return doubts_of(stage(), train, holdout)
 
 
 def test_references_of_a_stage_parked_elsewhere_than_at_0_V_are_asked_about_too():
@@ -60,11 +64,10 @@ def test_references_of_a_stage_parked_elsewhere_than_at_0_V_are_asked_about_too(
         return Recording(t_s, {"x": AxisRecord(u_V[-3000:], x_um)}, source=f"of {seed}")
 
     def said(reference_um, others_um):
-        runs = axis_runs(ringing, [parked(1, others_um)], [parked(2, others_um)], [parked(3, reference_um)])
-        return exchange_doubts(ringing, beside_model(ringing, runs))
+        return doubts_of(ringing, [parked(1, others_um)], [parked(2, others_um)], [parked(3, reference_um)])
 
     assert "were they exchanged?" in said(2.0, 0.0)[0]
-    assert said(0.0, 2.0) == ()
+    assert said(0.0, 2.0) == []
 
 
 @pytest.mark.parametrize(
@@ -78,18 +81,19 @@ def test_references_of_a_stage_parked_elsewhere_than_at_0_V_are_asked_about_too(
     ids=["turned round", "mV for V", "mm for um", "exchanged"],
 )
 def test_another_unit_sign_or_column_is_said_in_one_line(change, said):
-    (line,) = doubts(change)
+    line, *beyond = doubts(change)
     assert line.startswith("x: the records")
     assert said in line
     assert "check units, signs and columns" in line
+    assert all("beyond that it is a guess" in one for one in beyond)
 
 
 def test_what_a_stage_can_come_to_is_no_doubt():
     rng = np.random.default_rng(1)
     least, most = scale_range()
     for gain in (1.0, 1.05 * least, 0.95 * most):
-        assert doubts(lambda u, x, gain=gain: (u, gain * x)) == ()
-    assert doubts(lambda u, x: (u, 30 * rng.normal(size=len(x)))) == ()  # nothing but noise
+        assert doubts(lambda u, x, gain=gain: (u, gain * x)) == []
+    assert doubts(lambda u, x: (u, 30 * rng.normal(size=len(x)))) == []  # nothing but noise
 
 
 def test_records_of_one_part_alone_are_named():
@@ -102,7 +106,7 @@ def test_one_record_that_is_turned_round_among_others_is_named(role):
     """Together with the others of its role it moved neither one way nor the other, and nothing was said."""
     parts = [list(part) for part in records()]
     parts[role][0] = as_written(parts[role][:1], lambda u, x: (u, -x))[0]
-    (said,) = scale_doubts(beside_model(stage(), axis_runs(stage(), *parts, [])))
+    (said,) = doubts_of(stage(), *parts)
     assert said.startswith(f"{parts[role][0].source}: axis x moves -")
 
 
@@ -110,7 +114,7 @@ def test_a_small_record_that_drifts_is_not_asked_about():
     train, holdout = records()
     t = train[0].t_s
     small = Recording(t, {"x": AxisRecord(5 + 0.01 * np.sin(5 * t), 50 - 0.5 * np.sin(5 * t))}, source="small.csv")
-    assert scale_doubts(beside_model(stage(), axis_runs(stage(), [*train, small], holdout, []))) == ()
+    assert doubts_of(stage(), [*train, small], holdout) == []
 
 
 def test_the_answer_says_it():
@@ -125,7 +129,7 @@ def test_the_answer_says_it():
 def test_every_role_that_is_off_is_said():
     train = as_written(records()[0], lambda u, x: (u, -x))
     holdout = as_written(records()[1], lambda u, x: (u, 1000 * x))
-    (line,) = scale_doubts(beside_model(stage(), axis_runs(stage(), train, holdout, records()[0])))
+    (line,) = doubts_of(stage(), train, holdout, records()[0])
     assert line.startswith("x: the training and held-out records move -1 and 1000 times")
 
 
@@ -169,17 +173,16 @@ def test_references_that_the_model_describes_worse_than_the_others_may_be_exchan
     changed = as_written(records()[0], lambda u, x: (u, x + 0.02 * np.ptp(x) * np.sin(u)))
 
     def said(reference, others):
-        runs = axis_runs(stage(), others[:1], others[1:], reference)
-        return exchange_doubts(stage(), beside_model(stage(), runs))
+        return doubts_of(stage(), others[:1], others[1:], reference)
 
     (line,) = said(changed, records()[1])
     assert line.startswith("x: of the reference records' motion the model leaves")
     assert "were they exchanged?" in line
-    assert said(records()[0], as_written(records()[1], lambda u, x: (u, x + 0.02 * np.ptp(x) * np.sin(u)))) == ()
-    assert said([], changed) == ()
+    assert said(records()[0], as_written(records()[1], lambda u, x: (u, x + 0.02 * np.ptp(x) * np.sin(u)))) == []
+    assert said([], changed) == []
     small = [predict(stage(), r) for r in as_written(records()[0], lambda u, x: (0.01 * u, x))]
     quiet = as_written(small, lambda u, x: (u, x + 0.01 * np.sin(1000 * u)))
-    assert said(quiet, records()[1]) == ()
+    assert said(quiet, records()[1]) == []
 
 
 def test_quick_references_beside_slow_records_are_not_taken_for_exchanged():
@@ -191,10 +194,9 @@ def test_quick_references_beside_slow_records_are_not_taken_for_exchanged():
     def said(fit_left_um):
         axis = stage().axis("x").model_copy(update={"time": replace_left(view, fit_left_um)})
         known = stage().model_copy(update={"axes": {"x": axis}})
-        runs = axis_runs(known, records()[1][:1], records()[1][1:], quick)
-        return exchange_doubts(known, beside_model(known, runs))
+        return doubts_of(known, records()[1][:1], records()[1][1:], quick)
 
-    assert said(left) == ()
+    assert said(left) == []
     assert "were they exchanged?" in said(left / 10)[0]
 
 
@@ -229,12 +231,15 @@ def test_one_record_in_another_unit_among_others_is_refused_by_its_name():
         run_gap(stage(), train, records()[1])
 
 
-def test_exchanged_columns_are_called_that_and_no_unit():
+@pytest.mark.parametrize("gain_um_per_V", [2000.0, 0.005], ids=["as in another unit", "out of scale"])
+def test_exchanged_columns_are_called_that_and_no_unit(gain_um_per_V):
+    """Those that moved ten times as far as they should had a doubt, and the steps of the voltage were named
+    quantisation of the sensor."""
     t = np.arange(4000) / 1000
     u = 3 - 3 * np.cos(2 * np.pi * 1.5 * t)
     x = 20 * u + np.random.default_rng(3).normal(0, 0.05, len(t))
     made = [Recording(t_s=t, axes={"x": AxisRecord(x, u)}, source="odd"), *records()[1]]
-    view = TimeView(gain_um_per_V=2000.0, u_range_V=(0.0, 10.0), rate_Hz=1000.0)
+    view = TimeView(gain_um_per_V=gain_um_per_V, u_range_V=(0.0, 10.0), rate_Hz=1000.0)
     model = Stage(name="s", axes={"x": AxisModel(time=view)})
     with pytest.raises(BadInput, match=r"odd: .* voltage and position seem exchanged"):
         refuse_unlike_model(beside_model(model, axis_runs(model, made[:1], made[1:], [])))

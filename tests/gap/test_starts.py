@@ -10,10 +10,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from test_what_stood_off import LEAK, LEAKS, elsewhere, reference, stood_off
 
-from phaselead.gap.posterior import Starts, likelihood_of, search
-from phaselead.gap.posterior.beside import Beside, Histories
+from phaselead.gap.posterior import contest, likelihood_of
+from phaselead.gap.posterior.first_order import Beside, Histories
 from phaselead.gap.posterior.priors import LARGEST
 from phaselead.gap.posterior.sets import Begun
+from phaselead.gap.posterior.starts import Starts
 from phaselead.model.effects import effect
 
 CREEP, GAIN = effect("creep"), effect("gain_change")
@@ -91,7 +92,7 @@ def test_the_likeliest_amounts_are_those_that_leave_least(beside_leak):
     settled = likelihood.settled(fit.terms, [fit.share])
     weights = likelihood.weights(settled.power, settled.variance)[0]
     groups = starts.shapes.groups
-    beside = Beside(likelihood, fit.terms, weights, groups, starts.shapes.columns, starts._histories)
+    beside = Beside(likelihood, fit.terms, weights, starts.shapes, starts._histories)
     rng = np.random.default_rng(4)
 
     def cost(which, amounts):
@@ -158,6 +159,6 @@ def test_a_start_that_runs_to_an_end_of_its_range_leaves_the_other():
         def fit(self, start, least_gain):
             return SimpleNamespace(entries=start.entries)
 
-    found = search._grown(Table(), parent, starts)
+    found = contest._grown(Table(), parent, starts)
     assert found.entries == (starts[0].entry,)
-    assert search._grown(Table(), parent, starts[1:]) is None
+    assert contest._grown(Table(), parent, starts[1:]) is None

@@ -12,8 +12,8 @@ from scipy.signal import lfilter
 
 from phaselead.gap.findings import GapSize
 from phaselead.gap.generic_model import FOLDS, columns_of, moments_of
-from phaselead.gap.goodness_of_fit import excused_um2, more_than_equations_miss, too_little_described
-from phaselead.gap.posterior.missed import MOST_MISSED
+from phaselead.gap.goodness_of_fit import excused_um2, more_than_equations_miss
+from phaselead.gap.posterior.equation_misfit import MOST_MISSED
 from phaselead.gap.records import GapRun
 from phaselead.gap.residual import RunResidual
 from phaselead.gap.unexplained import Unexplained, unexplained
@@ -24,7 +24,7 @@ RATE_Hz = 1000.0
 def run(u, error_um, role="train", t0=0.0, r_um=None):
     """A record whose whole position is what the model leaves."""
     t = t0 + np.arange(len(u)) / RATE_Hz
-    return RunResidual(GapRun("x", role, t, u, error_um, r_um, 0, len(u), "a.csv", "", {}, {}), error_um)
+    return RunResidual(GapRun("x", role, t, u, error_um, r_um, 0, len(u), "a.csv", {}, {}), error_um)
 
 
 def part(system, seeds, noise_um=0.05, **drive):
@@ -164,7 +164,8 @@ def test_names_are_not_vouched_for_where_more_is_left_than_their_equations_may_m
     gap_um, noise_um, predictable_um = 1.0, 0.8, more * MOST_MISSED
     after_um = np.hypot(noise_um, predictable_um)
     left = Unexplained((predictable_um / after_um) ** 2, 1e-4)
-    assert too_little_described(left, GapSize(gap_um, float(after_um), 0.1)) == too_little
+    gap = GapSize(gap_um, float(after_um), 0.1)
+    assert more_than_equations_miss(left, gap, (MOST_MISSED * gap_um) ** 2) == too_little
 
 
 @pytest.mark.parametrize(
@@ -181,7 +182,7 @@ def test_a_name_excuses_a_tenth_of_what_it_explains_not_of_the_gap(explained, ex
 
 
 def test_what_may_be_chance_withdraws_no_name():
-    assert not too_little_described(Unexplained(0.5, 0.6), GapSize(1.0, 1.0, 0.1))
+    assert not more_than_equations_miss(Unexplained(0.5, 0.6), GapSize(1.0, 1.0, 0.1), MOST_MISSED**2)
 
 
 @pytest.mark.parametrize(("count", "whole"), [(3, False), (4, True), (9, True)])

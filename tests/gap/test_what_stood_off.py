@@ -15,13 +15,13 @@ from rig import Rig
 from scipy.signal import lfilter
 from test_gap_laws import waves
 
-from phaselead.gap.posterior import history_um, likelihood_of
-from phaselead.gap.posterior.before import before_record, from_its_memory, stood_of, with_stood
+from phaselead.gap.effect_search import _that_pay
+from phaselead.gap.history import before_record, from_its_memory, history_um, stood_of, with_stood
+from phaselead.gap.posterior import likelihood_of
 from phaselead.gap.posterior.verdict import Claim
 from phaselead.gap.records import GapRun
 from phaselead.gap.residual import modelled_run, run_from_where_it_stood
 from phaselead.gap.run import run_gap
-from phaselead.gap.search import _that_pay
 from phaselead.identify import fit
 from phaselead.model import Chain, catalogue, rest_plays
 from phaselead.model.axis import AxisModel, TimeView
@@ -85,7 +85,7 @@ def stood_off(amount, role="train"):
     leak alone."""
     rng, t_s = np.random.default_rng(5), np.arange(4000) / RATE_HZ
     u_V = 4 + 3 * np.sin(2 * np.pi * 1.5 * t_s) + 0.5 * np.sin(2 * np.pi * 11 * t_s)
-    run = GapRun("x", role, t_s, u_V, np.zeros(4000), None, 0, 4000, f"{role}.csv", role, {}, {})
+    run = GapRun("x", role, t_s, u_V, np.zeros(4000), None, 0, 4000, f"{role}.csv", {}, {})
     model = modelled_run(BENT, run)
     x_um = model.answer(with_stood(LEAKS, {"charge_leakage": (amount,)})) + 0.01 * rng.normal(size=4000)
     return replace(model, run=replace(run, x_um=x_um))
@@ -127,7 +127,7 @@ def test_what_is_taken_out_never_leaves_more(rate_per_s, middle_V, trend_um, wav
 def test_where_a_record_began_is_found_together_with_what_had_stood_off(began_V, amount):
     rng, t_s = np.random.default_rng(5), np.arange(4000) / RATE_HZ
     u_V = 4 + (began_V - 4) * np.cos(2 * np.pi * 1.5 * t_s) + 0.5 * np.sin(2 * np.pi * 11 * t_s)
-    run = GapRun("x", "holdout", t_s, u_V, np.zeros(4000), None, 0, 4000, "a.csv", "a", {}, {})
+    run = GapRun("x", "holdout", t_s, u_V, np.zeros(4000), None, 0, 4000, "a.csv", {}, {})
     truth = run_from_where_it_stood(BENT, run)
     x_um = truth.answer(with_stood(LEAKS, {"charge_leakage": (amount,)})) + 0.01 * rng.normal(size=4000)
     found = from_its_memory(modelled_run(BENT, replace(run, x_um=x_um)), LEAKS)
@@ -149,7 +149,7 @@ def elsewhere():
         x_um = Chain(LOOPS, long_s, u_V).run(acting) + 0.005 * rng.normal(size=len(u_V))
         for i, role in enumerate(roles):
             rows = slice(1250 * i, 1250 * i + 1000)
-            run = GapRun("x", role, t_s, u_V[rows], x_um[rows], None, 0, 1000, f"{i}.csv", f"{role}{i}", {}, {})
+            run = GapRun("x", role, t_s, u_V[rows], x_um[rows], None, 0, 1000, f"{i}.csv", {}, {})
             runs.append(modelled_run(LOOPS, run))
     return likelihood_of(runs)
 
@@ -200,7 +200,7 @@ def test_a_steady_voltage_is_another_place_on_the_same_stage():
     model, steady = stood_off(0.0), ((LEAK, {"rate_per_s": 1e-9}),)
     low, high = BENT.time.u_range_V
     run, more_V = model.run, 0.5 * STOOD_OFF * (high - low)
-    start = rest_plays(BENT.time) + more_V if model.plays_V is None else model.plays_V + more_V
+    start = (model.began.plays_V if model.began else rest_plays(BENT.time)) + more_V
     moved_um = model.answer(with_stood(steady, {"charge_leakage": (0.5,)}))
     moved = Chain(BENT, run.t_s, run.u_V + more_V, start=start).run()
     np.testing.assert_allclose(moved_um[1:], moved[1:], atol=1e-6)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from test_gap_laws import HIDDEN, parts
 
-from phaselead.gap import axis, run, search
+from phaselead.gap import axis, effect_search, run
 from phaselead.gap.findings import NAMED, WITHDRAWN
 from phaselead.gap.scale import FarAbove
 from phaselead.gap.unexplained import Unexplained
@@ -32,7 +32,7 @@ def answer(withdraw: bool):
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(axis, "unexplained", lambda *residuals, of_any_size: Unexplained(0.05, 1e-4))
-        patch.setattr(axis, "too_little_described", lambda left, gap: withdraw)
+        patch.setattr(axis, "more_than_equations_miss", lambda left, gap, excused: withdraw)
         patch.setattr(run, "search_axis", kept)
         run.run_gap(fit(reference)[0], train, holdout, reference, without=without)
     return found[0]
@@ -43,7 +43,7 @@ def test_what_every_withdrawn_claim_was_for_is_still_there(monkeypatch):
     it, something has no name: that is not nothing."""
     reference, train, holdout = parts({"delay": HIDDEN["delay"]})
     without = [name for name in catalogue() if name not in KEPT]
-    monkeypatch.setattr(search, "_that_pay", lambda likelihood, entries, claims: ())
+    monkeypatch.setattr(effect_search, "_that_pay", lambda likelihood, entries, claims: ())
     monkeypatch.setattr(
         axis, "unexplained", lambda *residuals, of_any_size: Unexplained(0.0, 1.0)
     )  # which would say so, too
@@ -61,7 +61,7 @@ def test_no_name_where_what_predicts_best_is_at_the_end_of_what_is_known(monkeyp
     without = [name for name in catalogue() if name not in KEPT]
     delay = catalogue()["delay"].as_known()
     (seconds,) = delay.parameters
-    best, most = search.best_predicting, 1.0 if end else 1.01
+    best, most = effect_search.best_predicting, 1.0 if end else 1.01
     found_s = []
 
     def watched(entries, covariance, runs, levelled):
@@ -70,7 +70,7 @@ def test_no_name_where_what_predicts_best_is_at_the_end_of_what_is_known(monkeyp
         short = replace(delay, parameters=(replace(seconds, high=most * found_s[-1]),)) if found_s else delay
         return tuple((short, params) if effect.name == "delay" else (effect, params) for effect, params in adopted)
 
-    monkeypatch.setattr(search, "best_predicting", watched)
+    monkeypatch.setattr(effect_search, "best_predicting", watched)
     found = run.run_gap(fit(reference)[0], train, holdout, reference, without=without)
     assert [one.name for one in found.effects] == ([] if end else ["delay"])
     assert found.verdicts == (("unknown",) if end else ("named",))

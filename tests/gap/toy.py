@@ -8,8 +8,8 @@ import numpy as np
 from scipy.fft import idct
 
 from phaselead.gap.posterior.blocks import BlockedRun
-from phaselead.gap.posterior.expected import Expected
 from phaselead.gap.posterior.likelihood import Likelihood
+from phaselead.gap.posterior.noise_and_base_share import Expected
 from phaselead.model.effects import effect
 
 STEP_S, ROWS = 1e-3, 256

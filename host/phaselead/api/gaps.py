@@ -51,7 +51,8 @@ def gap(
     >>> gap.verdicts
     ('none',)
     """
-    from phaselead.gap import check_port, keep_freed_memory, run_gap, verified_on
+    from phaselead.freed_memory import keep_freed_memory
+    from phaselead.gap import check_port, run_gap, verified_on
     from phaselead.model import as_stage
     from phaselead.record import gather_parts
 

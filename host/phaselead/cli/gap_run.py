@@ -10,12 +10,12 @@ from phaselead.api import gap_next
 from phaselead.cli.common import confirmed, emit, progress, read_recordings, show
 from phaselead.cli.outputs import overwriting
 from phaselead.errors import BadInput
+from phaselead.freed_memory import keep_freed_memory
 from phaselead.gap import (
     GapResult,
     axis_driven,
     check_port,
     excitation_of,
-    keep_freed_memory,
     modes_crossed_Hz,
     read_proposal,
     refuse_other_rate,

@@ -24,11 +24,11 @@ from phaselead.gap.findings import (
     Trace,
     parameter_rows,
 )
-from phaselead.gap.locate import excludes, explained, headline, three_digits, typical_of, unit_of
+from phaselead.gap.locate import excludes, explained, headline, typical_of, unit_of
 from phaselead.gap.posterior import MOST_STATED
 from phaselead.gap.residual import left_um
 from phaselead.gap.result import GapResult
-from phaselead.gap.run import keep_freed_memory, run_gap, verified_on
+from phaselead.gap.run import run_gap, verified_on
 from phaselead.gap.verify_on import TrackedPath, TrackingComparison, check_port
 
 __all__ = [
@@ -53,7 +53,6 @@ __all__ = [
     "excludes",
     "explained",
     "headline",
-    "keep_freed_memory",
     "left_um",
     "modes_crossed_Hz",
     "parameter_rows",
@@ -62,7 +61,6 @@ __all__ = [
     "refuse_other_rate",
     "run_gap",
     "run_proposal",
-    "three_digits",
     "typical_of",
     "unit_of",
     "verified_on",

@@ -7,26 +7,28 @@ from collections.abc import Set as AbstractSet
 
 from phaselead.control import with_gains
 from phaselead.gap.findings import NAMED, PROVISIONAL, Adopted, NamedEffect
-from phaselead.model import AdoptedEffect, AdoptedStatus, AxisModel, Stage, catalogue, provenance_of
+from phaselead.model import AdoptedEffect, AxisModel, Stage, catalogue, provenance_of
 from phaselead.record import Recording
 
 
 def adopted(axis: AxisModel, found: Sequence[NamedEffect], provisional: AbstractSet[str] = frozenset()) -> AxisModel:
     """The axis with the effects appended to its list, each beside any of the same name that it had; ``provisional``
     are the names that are not vouched for."""
-    entries = [stage_file_entry(one, "provisional" if one.name in provisional else "named") for one in found]
-    return axis.model_copy(update={"effects": (*axis.effects, *entries)})
+    return axis.model_copy(update={"effects": (*axis.effects, *stage_file_entries(found, provisional))})
 
 
-def stage_file_entry(named: NamedEffect, status: AdoptedStatus = "named") -> AdoptedEffect:
-    """An effect as a stage file keeps it."""
-    return AdoptedEffect(
-        name=named.name,
-        status=status,
-        params={name: value for name, (value, _, _) in named.params.items()},
-        ci95={name: interval for name, (_, _, interval) in named.params.items()},
-        share=min(max(named.share, 0.0), 1.0),
-    )
+def stage_file_entries(found: Sequence[NamedEffect], provisional: AbstractSet[str]) -> list[AdoptedEffect]:
+    """Effects as a stage file keeps them; ``provisional`` are the names that are not vouched for."""
+    return [
+        AdoptedEffect(
+            name=one.name,
+            status=PROVISIONAL if one.name in provisional else NAMED,
+            params={name: value for name, (value, _, _) in one.params.items()},
+            ci95={name: interval for name, (_, _, interval) in one.params.items()},
+            share=min(max(one.share, 0.0), 1.0),
+        )
+        for one in found
+    ]
 
 
 def kept_names(named: Sequence[NamedEffect], entries: Sequence[NamedEffect], plays: bool) -> list[Adopted]:

@@ -9,8 +9,8 @@ from typing import TypeVar
 
 from phaselead.gap.adopt import adopted, kept_names
 from phaselead.gap.bounds import upper_bounds
-from phaselead.gap.candidates import NEEDS_FROZEN, NEEDS_SESSION, responses, shown_by
-from phaselead.gap.design import propose
+from phaselead.gap.design import about_limits, propose
+from phaselead.gap.effect_search import Progress, select_effects
 from phaselead.gap.findings import (
     PROVISIONAL,
     Adopted,
@@ -25,20 +25,14 @@ from phaselead.gap.findings import (
     Trace,
 )
 from phaselead.gap.floor import floor_of
-from phaselead.gap.goodness_of_fit import (
-    FinalFit,
-    excused_um2,
-    final_fit,
-    more_than_equations_miss,
-    too_little_described,
-)
+from phaselead.gap.goodness_of_fit import FinalFit, excused_um2, final_fit, more_than_equations_miss
 from phaselead.gap.locate import rank_cells
-from phaselead.gap.posterior import Claim, goes_on_between_records, levels_say
+from phaselead.gap.posterior import MOST_MISSED, Claim, goes_on_between_records, levels_say
 from phaselead.gap.provisional import nearest_that_pays
 from phaselead.gap.records import GapRun
 from phaselead.gap.scale import FarAbove, far_above_known, led_beyond_fit, unlike_others
-from phaselead.gap.search import Progress, select_effects
 from phaselead.gap.selection import Selection
+from phaselead.gap.testable import NEEDS_FROZEN, NEEDS_SESSION, responses, shown_by
 from phaselead.gap.unexplained import WORTH_SHARE, Unexplained, unexplained
 from phaselead.gap.voltage_independent import VoltageIndependent, find_voltage_independent
 from phaselead.model import AxisModel, Effect, catalogue
@@ -152,7 +146,7 @@ def search_axis(
         unknown=unknown,
         excluded=[*excluded, *other.excluded],
         untestable={**_untested({**beyond_sampling, **refused}, other, taken), **hidden},
-        where=rank_cells(final.residuals_before("holdout"), floor.noise),
+        where=rank_cells(final.residuals_before(), floor.noise),
         gap=final.gap,
         rows=final.rows,
         next_experiment=_proposal(vouched.selection),
@@ -165,6 +159,7 @@ def search_axis(
             *([_something_more(selection, taken)] if selection.something_unnamed else []),
             *left.messages,
             *other.messages,
+            *(about_limits(model) if vouched.ties else []),
             *_still_under_way(final, final.gap if other.drift_um_per_s else final.without_history().gap),
         ],
         adopted=kept,
@@ -264,7 +259,8 @@ def _left_by(claimed: _Claimed, final: FinalFit, other: VoltageIndependent) -> _
     # Beside a name, that something more is there is a claim too.
     clean = final.without_history(other.drift_um_per_s)
     left, gap = unexplained(clean.train, clean.holdout, reference, of_any_size=not anything), clean.gap
-    if anything and too_little_described(left, gap):
+    # Equations that bear their names miss no more than such a share of the whole gap before.
+    if anything and more_than_equations_miss(left, gap, (MOST_MISSED * gap.before) ** 2):
         return _Remainder(left, beyond_equations=True, too_much=True)
     # Where nothing is claimed, the model describes the training records too, or something is there.
     above = far_above_known(final, clean.holdout if anything else [*clean.holdout, *clean.train])

@@ -9,15 +9,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-import numpy as np
-
 from phaselead.gap.error_rates import ERROR_RATE
 from phaselead.gap.findings import Estimate
 from phaselead.gap.parameters import SizedEffect
-from phaselead.gap.plain_fits import each_fitted
-from phaselead.gap.posterior import intervals_alone, likelihood_of
+from phaselead.gap.posterior import each_fitted, intervals_alone
 from phaselead.gap.records import GapRun, Role
-from phaselead.gap.residual import ModelledRun, modelled_run, with_effects
+from phaselead.gap.residual import ModelledRun, modelled_run, power_um2, with_effects
 from phaselead.gap.savings import probability_by_chance, saved_by_block
 from phaselead.gap.selection import Memory
 from phaselead.identify import fit_plays
@@ -99,7 +96,7 @@ def _loop(as_line: Sequence[ModelledRun], becoming: Effect) -> Mapping[str, Esti
     described = each_fitted(_of(as_line, "train"), [becoming], base_may_be_off=True)
     if not described:
         return None
-    params = intervals_alone(likelihood_of(as_line), described)[0]
+    params = intervals_alone(as_line, described[0])
     _, _, (narrowest, _) = params[becoming.sizes[0].name]
     return params if narrowest > 0 else None
 
@@ -161,8 +158,7 @@ def with_refitted_operator(runs: Sequence[ModelledRun], entries: Sequence[SizedE
 
 def _left_um2(runs: Sequence[ModelledRun], entries: Sequence[SizedEffect]) -> float:
     """Mean square in um^2 that the model of the runs with the effects leaves of them, each about its own mean."""
-    errors = [modelled.error(entries) for modelled in runs]
-    return float(np.mean(np.concatenate([error - error.mean() for error in errors]) ** 2))
+    return power_um2([modelled.error_about_mean(entries) for modelled in runs])
 
 
 def with_operator(axis: AxisModel, runs: Sequence[GapRun], beyond_um: Sequence[Samples] | None = None) -> AxisModel:

@@ -8,10 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from phaselead.gap.regressors import mean_slope
 from phaselead.gap.residual import ModelledRun
 from phaselead.identify import play_thresholds
-from phaselead.model import Effect, Extra, Params, Place, Signal, TimeView, plays, plays_after
+from phaselead.model import AxisModel, Effect, Extra, Params, Place, Signal, TimeView, plays, plays_after
 from phaselead.record import Samples
 
 BASE_PLAYS, BASE_SEGMENTS = 10, 8
@@ -20,6 +19,15 @@ GAIN_STD, PLAY_STD = 0.05, 0.02
 """How far gain and plays of a fitted base can be off where no reference record says better, of its mean slope."""
 OPEN_STD = 0.3
 """The same of plays that are fitted anew with every effect."""
+
+
+def mean_slope(axis: AxisModel) -> float:
+    """Mean slope in um/V over the fitted range, all plays moving; 1 where it is 0. The axis has a time view."""
+    view = axis.time
+    assert view is not None
+    low, high = map(view.field.at, view.u_range_V)
+    bends = sum(s * (high - d) / (high - low) for d, s in zip(view.deadzone_d_V, view.deadzone_s_um_per_V, strict=True))
+    return float(abs(view.gain_um_per_V + view.density.mean * sum(view.play_w_um_per_V) + bends)) or 1.0
 
 
 def base_columns(modelled: ModelledRun, open_plays: bool) -> Samples:

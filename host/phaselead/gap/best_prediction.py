@@ -26,7 +26,7 @@ def best_predicting(
     entries: Sequence[SizedEffect],
     covariance: Samples,
     runs: Sequence[ModelledRun],
-    levelled: Sequence[bool] | None = None,
+    levelled: Sequence[bool],
 ) -> tuple[SizedEffect, ...]:
     """The parameters that leave least of some runs, in um about each one's mean, among those that lie within the region
     of 95 % about ``entries``. Where an effect moves the zero, the runs whose levels say something, by ``levelled``,
@@ -38,8 +38,7 @@ def best_predicting(
     if not len(start):
         return tuple(entries)
     moves_zero = any(effect.moves_zero is not None for effect, _ in entries)
-    of_one_zero = list(levelled) if levelled is not None and moves_zero else [False] * len(runs)
-    about_zero = partial(_about_zero, of_one_zero)
+    about_zero = partial(_about_zero, levelled if moves_zero else [False] * len(runs))
     found, _ = fitted_in_um(entries, runs, about_zero, EVALUATIONS)
     off = internal(found) - start
     distance2 = float(off @ np.linalg.solve(covariance, off))

@@ -10,14 +10,18 @@ import numpy as np
 from scipy.fft import idct
 from scipy.linalg import pinvh
 
+from phaselead.gap.base_refit import mean_slope
 from phaselead.gap.noise import Noise, as_idle, fit_noise
 from phaselead.gap.posterior import Contest
-from phaselead.gap.regressors import rich_columns
 from phaselead.gap.residual import ModelledRun, power_um2
+from phaselead.identify import play_thresholds
+from phaselead.model import plays
 from phaselead.record import Samples
 
 SAME_SHARE = 1e-10
 """Of the largest eigenvalue of the columns' products: those below say nothing new."""
+RICH_PLAYS, RICH_SEGMENTS, RICH_STD = 24, 12, 0.1
+"""An operator richer than any base, and the prior deviation of its weights, as a share of the mean slope."""
 
 
 @dataclass(frozen=True)
@@ -52,10 +56,9 @@ def _noise(runs: Sequence[ModelledRun], errors: Sequence[Samples]) -> Noise:
 def _beyond_the_richest(contest: Contest) -> list[Samples]:
     """Per training run what least squares with all columns leaves of it, (n,) in um, as large as noise was that left as
     much when so many amounts were fitted to it."""
-    assert contest.starts is not None
     pairs = zip(contest.likelihood.runs, contest.starts.shapes.columns, strict=True)
     train = [(run, columns) for run, columns in pairs if run.modelled.run.role == "train"]
-    columns = [np.concatenate([one, run.coefficients(rich_columns(run.modelled))], axis=1) for run, one in train]
+    columns = [np.concatenate([one, run.coefficients(_rich_columns(run.modelled))], axis=1) for run, one in train]
     targets = [run.base_error[:, 0] for run, _ in train]
     normal = np.sum([one.T @ one for one in columns], axis=0)
     right = np.sum([one.T @ target for one, target in zip(columns, targets, strict=True)], axis=0)
@@ -67,6 +70,21 @@ def _beyond_the_richest(contest: Contest) -> list[Samples]:
     unfitted = np.sqrt(rows / max(rows - rank, 1))
     left = [unfitted * (target - one @ amounts) for one, target in zip(columns, targets, strict=True)]
     return [np.asarray(idct(np.append(0.0, one), norm="ortho")) for one in left]
+
+
+def _rich_columns(modelled: ModelledRun) -> Samples:
+    """Columns (n, k) in um of an operator richer than any base, which tell noise from misfit where no reference
+    does."""
+    run, view = modelled.run, modelled.axis.time
+    assert view is not None
+    v, slope = view.field.of(run.u_V), RICH_STD * mean_slope(modelled.axis)
+    low, high = float(v.min()), float(v.max())
+    r = play_thresholds(high - low, RICH_PLAYS)
+    rows = np.arange(run.start, run.stop, dtype=np.uintp)
+    moved, _ = plays(v, r, np.clip(view.rest_fraction * r, v[0] - r, v[0] + r), rows)
+    knots = np.linspace(low, high, RICH_SEGMENTS + 2)[1:-1]
+    bends = np.maximum(v[run.rows, None] - knots, 0.0)
+    return np.asarray(slope * np.concatenate([moved, bends], axis=1))
 
 
 def _detrended(error: Samples, modelled: ModelledRun) -> Samples:

@@ -160,7 +160,7 @@ def columns_of(runs: Sequence[GapRun]) -> Columns:
 
 
 @dataclass(frozen=True)
-class Moments:
+class FoldMoments:
     """Products of the columns with each other and with what they are to predict, fold by fold."""
 
     kinds: NDArray[np.intp]
@@ -172,15 +172,15 @@ class Moments:
     power: Samples
     """(folds,) of the target with itself."""
 
-    def linear(self) -> Moments:
+    def linear(self) -> FoldMoments:
         """Of the linear columns alone."""
         kept = self.kinds == LINEAR
-        return Moments(self.kinds[kept], self.squares[:, kept][:, :, kept], self.along[:, kept], self.power)
+        return FoldMoments(self.kinds[kept], self.squares[:, kept][:, :, kept], self.along[:, kept], self.power)
 
-    def with_others(self, others: Moments) -> Moments:
+    def with_others(self, others: FoldMoments) -> FoldMoments:
         """Of these records and others."""
         squares, along, power = self.squares + others.squares, self.along + others.along, self.power + others.power
-        return Moments(self.kinds, squares, along, power)
+        return FoldMoments(self.kinds, squares, along, power)
 
     def without(self, fold: int | None) -> tuple[Samples, Samples]:
         """Squares (k, k) and products with the target (k,), summed over all folds but one."""
@@ -188,14 +188,14 @@ class Moments:
         return (squares, along) if fold is None else (squares - self.squares[fold], along - self.along[fold])
 
 
-def moments_of(columns: Columns, runs: Sequence[GapRun], targets: Sequence[Samples]) -> Moments:
+def moments_of(columns: Columns, runs: Sequence[GapRun], targets: Sequence[Samples]) -> FoldMoments:
     """Moments of some runs, at least one, with what is to be predicted there, (n,) each."""
     kinds, found = np.zeros(0, dtype=np.intp), []
     for i, (run, target) in enumerate(zip(runs, targets, strict=True)):
         made, kinds = columns.of(run)
         found.append(_by_fold(made, target - target.mean(), i, FOLDS if len(runs) < FOLDS else 1))
     squares, along, power = (np.sum(part, axis=0) for part in zip(*found, strict=True))
-    return Moments(kinds, squares, along, power)
+    return FoldMoments(kinds, squares, along, power)
 
 
 def _by_fold(columns: NDArray[np.float32], target: Samples, shift: int, parts: int) -> tuple[Samples, Samples, Samples]:
@@ -214,13 +214,13 @@ def _by_fold(columns: NDArray[np.float32], target: Samples, shift: int, parts: i
     return squares, along, power
 
 
-def ridge_amounts(learned: Moments) -> Samples:
+def ridge_amounts(learned: FoldMoments) -> Samples:
     """Amounts (k,) of the columns that predict best what is left out of the records they are fitted to."""
     plain = _Regression.of(learned, None)
     return plain.amounts(_best_ridges([_Regression.of(learned, fold) for fold in range(FOLDS)], plain))
 
 
-def new_amounts(learned: Moments, reference: Moments) -> tuple[Samples, Samples]:
+def new_amounts(learned: FoldMoments, reference: FoldMoments) -> tuple[Samples, Samples]:
     """Amounts (k,) that the learned records share with the reference, and those that are their own.
 
     Both are fitted together: the shared ones to all records, the own ones to what the learned records say beyond them.
@@ -244,7 +244,7 @@ class _Shared(NamedTuple):
 
 
 def _beyond_shared(
-    learned: Moments, reference: Moments, precision: Samples, fold: int | None
+    learned: FoldMoments, reference: FoldMoments, precision: Samples, fold: int | None
 ) -> tuple[_Regression, _Shared]:
     """The regression of own amounts with the shared ones of this ``precision`` (k, k) eliminated, a fold left out."""
     squares, along = learned.without(fold)
@@ -280,7 +280,7 @@ class _Regression:
     out: _LeftOut | None = None
 
     @classmethod
-    def of(cls, moments: Moments, fold: int | None) -> _Regression:
+    def of(cls, moments: FoldMoments, fold: int | None) -> _Regression:
         """Of moments, with a fold left out or none."""
         out = None if fold is None else _LeftOut(moments.squares[fold], moments.along[fold], float(moments.power[fold]))
         return cls(moments.kinds, _scale(moments), *moments.without(fold), out)
@@ -303,7 +303,7 @@ class _Regression:
         return float(self.out.power - amounts @ (2 * self.out.along - self.out.squares @ amounts))
 
 
-def _scale(moments: Moments) -> Samples:
+def _scale(moments: FoldMoments) -> Samples:
     return np.asarray(np.sqrt(np.einsum("fkk->k", moments.squares)))
 
 

@@ -10,12 +10,12 @@ import numpy as np
 from scipy.optimize import lsq_linear
 
 from phaselead.gap.base_operator import with_refitted_operator
-from phaselead.gap.disturbances import RecordOffset
 from phaselead.gap.error_rates import TWO_SIDED_95
 from phaselead.gap.findings import GapSize, Trace
 from phaselead.gap.floor import Floor
+from phaselead.gap.history import before_record, from_its_memory, history_um
 from phaselead.gap.parameters import SizedEffect
-from phaselead.gap.posterior import LEAST_OF_MATERIAL, MOST_MISSED, before_record, from_its_memory, history_um
+from phaselead.gap.posterior import LEAST_OF_MATERIAL, MOST_MISSED
 from phaselead.gap.records import GapRun, Role
 from phaselead.gap.residual import ModelledRun, RunResidual, base_entries, modelled_run, power_um2
 from phaselead.gap.ringing import without_ringing
@@ -69,23 +69,25 @@ class FinalFit:
         after, floor = self.gap.after, self.gap.floor
         return math.sqrt(after**2 - floor**2) if after >= CLEARLY_ABOVE_FLOOR * floor else 0.0
 
+    def acting(self, role: Role) -> list[tuple[ModelledRun, tuple[SizedEffect, ...]]]:
+        """Every run of a role, and the effects that act in it: none in a reference record."""
+        entries = () if role == "reference" else self.entries
+        return [(t, entries) for t in self.after if t.run.role == role]
+
     def residuals(self, role: Role) -> list[RunResidual]:
         """Residuals of the final model, about their means. The reference records are without the effects."""
-        entries = () if role == "reference" else self.entries
-        return [RunResidual(t.run, _about_mean(t.error(entries))) for t in self.after if t.run.role == role]
+        return [RunResidual(t.run, t.error_about_mean(acting)) for t, acting in self.acting(role)]
 
     def without_ringing(self, role: Role) -> list[RunResidual]:
         """The same residuals, those of records at rest without what the model's modes still ring of what was before: it
         is the stage's own, and dies away."""
-        entries = () if role == "reference" else self.entries
-        models = [t for t in self.after if t.run.role == role]
-        left = [one.error_um for one in self.residuals(role)]
-        pairs = zip(models, left, strict=True)
-        return [RunResidual(t.run, without_ringing(t, entries, e) if t.run.idle else e) for t, e in pairs]
+        left = [(t, acting, t.error_about_mean(acting)) for t, acting in self.acting(role)]
+        return [RunResidual(t.run, without_ringing(t, acting, e) if t.run.idle else e) for t, acting, e in left]
 
     def without_history(self, drift_um_per_s: float = 0.0) -> WithoutHistory:
         """What is left, and the gap, without what slow effects had done before the records began, and without a drift
-        that was found: of the gap before that is taken out as what is left of the final model tells it."""
+        that was found. That is estimated from the residual of the final model; the same curve is subtracted from the
+        residual of the base for ``gap.before``."""
         train, holdout = (self._pairs_without_history(role, drift_um_per_s) for role in ("train", "holdout"))
         of_base = [t.error() for t in self.before if t.run.role == "holdout"]
         before = [_about_mean(error - history) for error, (_, history) in zip(of_base, holdout, strict=True)]
@@ -97,22 +99,14 @@ class FinalFit:
         """Of each run what is left without a drift, without what slow effects had done before it began and, at rest,
         without what the base still carries from then; and all of these together (n,)."""
         pairs = []
-        for t, left in zip((t for t in self.after if t.run.role == role), self.residuals(role), strict=True):
+        for t, acting in self.acting(role):
+            left = t.error_about_mean(acting)
             apart = drift_um_per_s * _about_mean(t.run.t_s[t.run.rows])
-            apart = apart + history_um(t, self.entries, left.error_um - apart)
+            apart = apart + history_um(t, acting, left - apart)
             if t.run.idle:
-                apart = apart + _history_of_base(t, left.error_um - apart)
-            pairs.append((RunResidual(t.run, left.error_um - apart), apart))
+                apart = apart + _history_of_base(t, left - apart)
+            pairs.append((RunResidual(t.run, left - apart), apart))
         return pairs
-
-    def offsets(self, role: Role) -> list[RecordOffset]:
-        """Mean residual of the final model per run. The reference records are without the effects."""
-        entries = () if role == "reference" else self.entries
-        return [
-            RecordOffset.of(t.run.t_s[t.run.rows], t.error(entries), t.run.idle)
-            for t in self.after
-            if t.run.role == role
-        ]
 
     def with_entries(self, entries: Sequence[SizedEffect]) -> FinalFit:
         """The same with further effects, and the gap that they leave."""
@@ -129,25 +123,25 @@ class FinalFit:
         after = with_refitted_operator(self.after, self.entries)
         return replace(self, axis=after[0].axis, after=tuple(after)).with_entries(())
 
-    def residuals_before(self, role: Role) -> list[RunResidual]:
-        """Residuals of the base as given, about their means."""
-        return [RunResidual(t.run, _about_mean(t.error())) for t in self.before if t.run.role == role]
+    def residuals_before(self) -> list[RunResidual]:
+        """Residuals of the base as given, of the held-out records about their means."""
+        return [RunResidual(t.run, t.error_about_mean()) for t in self.before if t.run.role == "holdout"]
 
     def share_of(self, name: str) -> float:
         """Share of the power that the base leaves of the held-out records which comes back without the effect
         ``name``."""
-        before = power_um2([left.error_um for left in self.residuals_before("holdout")])
+        before = power_um2([left.error_um for left in self.residuals_before()])
         after = power_um2([left.error_um for left in self.residuals("holdout")])
         entries = [entry for entry in self.entries if entry[0].name != name]
         if len(entries) == len(self.entries):  # the base took it up as plays
-            alone = [t for t in self.after if t.run.role == "holdout"]
-            return max(before - power_um2([_about_mean(t.error()) for t in alone]), 0.0) / max(before, 1e-30)
-        without = [_about_mean(t.error(entries)) for t in self.after if t.run.role == "holdout"]
+            alone = [t.error_about_mean() for t, _ in self.acting("holdout")]
+            return max(before - power_um2(alone), 0.0) / max(before, 1e-30)
+        without = [t.error_about_mean(entries) for t, _ in self.acting("holdout")]
         return float(np.clip((power_um2(without) - after) / max(before, 1e-30), 0.0, 1.0))
 
     def explained_um2(self, names: Sequence[str]) -> float:
         """Mean square over the held-out rows that comes back without each of some effects, summed over these."""
-        before = power_um2([left.error_um for left in self.residuals_before("holdout")])
+        before = power_um2([left.error_um for left in self.residuals_before()])
         return before * sum(self.share_of(one.name) for one, _ in self.entries if one.name in names)
 
     def traces(self) -> list[Trace]:
@@ -158,8 +152,8 @@ class FinalFit:
                 continue
             run, rows = was.run, was.run.rows
             x = run.x_um[rows]
-            before = x - _about_mean(was.error())
-            after = x - _about_mean(now.error(self.entries))
+            before = x - was.error_about_mean()
+            after = x - now.error_about_mean(self.entries)
             found.append(Trace(run.name, run.axis, run.file_t_s[rows], run.u_V[rows], x, before, after))
         return found
 
@@ -175,9 +169,8 @@ def _history_of_base(modelled: ModelledRun, error: Samples) -> Samples:
     return np.asarray(before @ amounts)
 
 
-def _about_mean(error: Samples) -> Samples:
-    """A residual (n,) without its mean, which is the record's own offset; or times without theirs."""
-    return np.asarray(error - error.mean())
+def _about_mean(values: Samples) -> Samples:
+    return np.asarray(values - values.mean())
 
 
 def _rms(left: Sequence[RunResidual]) -> float:
@@ -202,7 +195,7 @@ def final_fit(selection: Selection, runs: Sequence[GapRun], floor: Floor) -> Fin
 
 def _gap(final: FinalFit) -> GapSize:
     """RMS before and after over all held-out rows, and the floor."""
-    before = _rms(final.residuals_before("holdout"))
+    before = _rms(final.residuals_before())
     after = _rms(final.residuals("holdout"))
     reference = final.residuals("reference")
     if reference:
@@ -221,13 +214,5 @@ def excused_um2(gap: GapSize, exactly_um2: float = 0.0) -> float:
 
 
 def more_than_equations_miss(left: Unexplained, gap: GapSize, excused: float) -> bool:
-    """Whether more can be predicted from the voltage beside names than this power in um^2, which is excused. Unlike
-    ``too_little_described`` it asks about a share of what the names explain, not of the gap before, and the names stay:
-    then something is there beside them."""
+    """Whether more can be predicted from the voltage beside names than this power in um^2, which is excused."""
     return left.something_missing and left.share * gap.after**2 > excused
-
-
-def too_little_described(left: Unexplained, gap: GapSize) -> bool:
-    """Whether of what can be predicted from the voltage the names leave more than equations that bear them may miss.
-    Unlike ``more_than_equations_miss`` it asks about a share of the gap before, and the names are withdrawn."""
-    return left.something_missing and left.share * gap.after**2 > (MOST_MISSED * gap.before) ** 2

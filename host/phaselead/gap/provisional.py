@@ -15,8 +15,7 @@ from phaselead.gap.error_rates import ERROR_RATE
 from phaselead.gap.findings import NamedEffect
 from phaselead.gap.goodness_of_fit import FinalFit
 from phaselead.gap.parameters import SizedEffect
-from phaselead.gap.plain_fits import each_fitted
-from phaselead.gap.posterior import intervals_alone, likelihood_of
+from phaselead.gap.posterior import each_fitted, intervals_alone
 from phaselead.gap.records import GapRun, Role
 from phaselead.gap.residual import modelled_run
 from phaselead.gap.savings import probability_by_chance, saved_by_block
@@ -52,8 +51,7 @@ def nearest_that_pays(
         if best is None:
             break
         final, entry = best, best.entries[-1]
-        params = intervals_alone(likelihood_of(so_far), [entry])[0]
-        found.append(NamedEffect(entry[0].name, params, 0.0))
+        found.append(NamedEffect(entry[0].name, intervals_alone(so_far, entry), 0.0))
     return final, [replace(e, share=final.share_of(e.name)) for e in found]
 
 

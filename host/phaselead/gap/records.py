@@ -12,10 +12,18 @@ from typing import Literal, NoReturn
 import numpy as np
 
 from phaselead.errors import BadInput
-from phaselead.gap.one_clock import seconds_into_session
 from phaselead.identify import DRIVEN_SHARE, SAME_RATE, STILL_V, AxisRun, SineDrive
 from phaselead.model import Stage
-from phaselead.record import AxisRecord, Recording, Samples, refuse_clipped, refuse_gapped, same_measurement, times_in
+from phaselead.record import (
+    AxisRecord,
+    Recording,
+    Samples,
+    refuse_clipped,
+    refuse_gapped,
+    same_measurement,
+    t0_unix_s,
+    times_in,
+)
 
 Role = Literal["train", "holdout", "reference"]
 
@@ -39,7 +47,6 @@ class GapRun:
     stop: int
     """Row after the last of them."""
     source: str
-    sha256: str
     others_um: Mapping[str, Samples]
     """Positions of the other axes."""
     others_V: Mapping[str, Samples]
@@ -102,14 +109,29 @@ class GapRun:
         return not self.driven and not moved
 
 
-def roles_at_one_time(runs: Sequence[GapRun]) -> list[Role]:
-    """The roles of which two records were taken at the same time by their clock: which came first nobody knows."""
-    found: list[Role] = []
-    for role in dict.fromkeys(run.role for run in runs):
-        spans_s = sorted(run.span_s for run in runs if run.role == role)
-        if any(end_s > begin_s for (_, end_s), (begin_s, _) in pairwise(spans_s)):
-            found.append(role)
-    return found
+def taken_at_once(runs: Sequence[GapRun]) -> bool:
+    """Whether two records of one role were taken at the same time by their clock: which came first nobody knows."""
+    return any(_overlap([run.span_s for run in runs if run.role == role]) for role in {run.role for run in runs})
+
+
+def seconds_into_session(records: Sequence[Recording]) -> list[float]:
+    """By record how long after the t_s = 0 of the first of its session its own was, by what the records say.
+
+    All 0 where one does not say when it was taken, or where two were taken at once: then it is no clock of the stage.
+    """
+    t0_s = [t0_unix_s(record.meta) for record in records]
+    known_s = [t for t in t0_s if t is not None]
+    if len(known_s) < len(records):
+        return [0.0] * len(records)
+    later_s = [t - min(known_s) for t in known_s]
+    judged = (record.t_s[record.scored] for record in records)
+    spans_s = [(float(t[0]) + later, float(t[-1]) + later) for t, later in zip(judged, later_s, strict=True)]
+    return [0.0] * len(records) if _overlap(spans_s) else later_s
+
+
+def _overlap(spans_s: Sequence[tuple[float, float]]) -> bool:
+    """Whether one of some spans begins before another that began earlier has ended."""
+    return any(end_s > begin_s for (_, end_s), (begin_s, _) in pairwise(sorted(spans_s)))
 
 
 def axis_runs(
@@ -134,8 +156,8 @@ def axis_runs(
     for _, records in parts:
         for record in records:
             _check(record)
-    axes = [a for a in sorted(stage.axes) if stage.axes[a].time is not None and _all_have(a, [*train, *holdout])]
-    shared = [a for a in sorted(stage.axes) if _all_have(a, [*train, *holdout])]
+    shared = [a for a in sorted(stage.axes) if all(_has(record, a) for record in (*train, *holdout))]
+    axes = [a for a in shared if stage.axes[a].time is not None]
     if shared and not axes:
         raise BadInput(
             f"the model's axis {', '.join(shared)} has no time view to compare with; fit it to recordings first "
@@ -225,10 +247,6 @@ def complete_axes(record: Recording) -> list[str]:
     return sorted(axis for axis in record.axes if _has(record, axis))
 
 
-def _all_have(axis: str, records: Sequence[Recording]) -> bool:
-    return all(_has(record, axis) for record in records)
-
-
 def run_of(record: Recording, axis: str, role: Role, later_s: float = 0.0) -> GapRun:
     """One axis of a record, which has it and began so much later than its session."""
     own = record.axes[axis]
@@ -246,7 +264,6 @@ def run_of(record: Recording, axis: str, role: Role, later_s: float = 0.0) -> Ga
         start=start,
         stop=stop,
         source=record.source,
-        sha256=record.sha256,
         others_um={name: a.x_um for name, a in others.items() if a.x_um is not None},
         others_V={name: a.u_V for name, a in others.items() if a.u_V is not None},
         later_s=later_s,

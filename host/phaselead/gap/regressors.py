@@ -11,9 +11,9 @@ from itertools import pairwise, product
 
 import numpy as np
 
+from phaselead.gap.parameters import SizedEffect, bounded
 from phaselead.gap.residual import ModelledRun
-from phaselead.identify import play_thresholds
-from phaselead.model import AxisModel, Effect, Parameter, plays
+from phaselead.model import Effect, Parameter
 from phaselead.record import Samples
 
 GRID_POINTS = 5
@@ -23,8 +23,6 @@ MODE_GRID_RATIO, MODE_GRID_ZETA = 1.16, 0.08
 LONGEST_TIME, SHORTEST_TIME = 30.0, 0.5
 """A time constant is looked for up to this many lengths of the longest record, and from this part of a row on: a slower
 one is a straight line, a faster one none."""
-RICH_PLAYS, RICH_SEGMENTS, RICH_STD = 24, 12, 0.1
-"""An operator richer than any base, and the prior deviation of its weights, as a share of the mean slope."""
 
 
 @dataclass(frozen=True)
@@ -41,14 +39,19 @@ class RegressorGroup:
         sizes = {p.name: a * s for p, a, s in zip(self.effect.sizes, amounts, self.steps, strict=True)}
         return {**self.shapes, **sizes}
 
+    def entry(self, amounts: Sequence[float]) -> SizedEffect:
+        """The effect with these parameters, within its range."""
+        return self.effect, bounded(self.effect, self.params(amounts))
+
+    def alone(self, column: int, times: float = 1.0) -> list[float]:
+        """The amounts in which one column is taken so many times, and none of the others."""
+        return [times if i == column else 0.0 for i in range(len(self.steps))]
+
     def columns(self, modelled: ModelledRun, base_um: Samples) -> Samples:
         """Columns (n, sizes) in um over the scored rows: what one step of each size adds to ``base_um`` (n,), the
         answer of the model."""
-        found = []
-        for i in range(len(self.steps)):
-            amounts = [float(i == j) for j in range(len(self.steps))]
-            found.append(modelled.answer([(self.effect, self.params(amounts))]) - base_um)
-        return np.stack(found, axis=1)
+        each = [(self.effect, self.params(self.alone(i))) for i in range(len(self.steps))]
+        return np.stack([modelled.answer([one]) - base_um for one in each], axis=1)
 
 
 def regressor_groups(effects: Sequence[Effect], step_s: float, longest_s: float) -> list[RegressorGroup]:
@@ -59,7 +62,7 @@ def regressor_groups(effects: Sequence[Effect], step_s: float, longest_s: float)
         steps = typical_sizes(effect)
         for point in product(*grids):
             shapes = {p.name: v for p, v in zip(effect.shapes, point, strict=True)}
-            if _ordered(effect, shapes):
+            if all(shapes[first] < shapes[last] for first, last in pairwise(effect.rising)):
                 found.append(RegressorGroup(effect, shapes, steps))
     return found
 
@@ -89,32 +92,3 @@ def _grid(p: Parameter, effect: Effect, step_s: float, longest_s: float) -> list
     if p.log:
         return [float(v) for v in np.geomspace(low, high, GRID_POINTS)]
     return [float(v) for v in np.linspace(low, high, GRID_POINTS)]
-
-
-def _ordered(effect: Effect, shapes: Mapping[str, float]) -> bool:
-    """Whether the shapes that must rise do so."""
-    return all(shapes[first] < shapes[last] for first, last in pairwise(effect.rising))
-
-
-def rich_columns(modelled: ModelledRun) -> Samples:
-    """Columns (n, k) in um of an operator richer than any base, which tell noise from misfit where no reference
-    does."""
-    run, view = modelled.run, modelled.axis.time
-    assert view is not None
-    v, slope = view.field.of(run.u_V), RICH_STD * mean_slope(modelled.axis)
-    low, high = float(v.min()), float(v.max())
-    r = play_thresholds(high - low, RICH_PLAYS)
-    rows = np.arange(run.start, run.stop, dtype=np.uintp)
-    moved, _ = plays(v, r, np.clip(view.rest_fraction * r, v[0] - r, v[0] + r), rows)
-    knots = np.linspace(low, high, RICH_SEGMENTS + 2)[1:-1]
-    bends = np.maximum(v[run.rows, None] - knots, 0.0)
-    return np.asarray(slope * np.concatenate([moved, bends], axis=1))
-
-
-def mean_slope(axis: AxisModel) -> float:
-    """Mean slope in um/V over the fitted range, all plays moving; 1 where it is 0. The axis has a time view."""
-    view = axis.time
-    assert view is not None
-    low, high = map(view.field.at, view.u_range_V)
-    bends = sum(s * (high - d) / (high - low) for d, s in zip(view.deadzone_d_V, view.deadzone_s_um_per_V, strict=True))
-    return float(abs(view.gain_um_per_V + view.density.mean * sum(view.play_w_um_per_V) + bends)) or 1.0

@@ -1,7 +1,7 @@
 """Residuals: measurement minus the model driven by the applied voltage, with each record's own offset and memory.
 
-Offset and starting memory say nothing about the model. They are nuisances: their columns (``nuisance_columns``) are
-projected out of everything that is compared, the memory's shrunk to how far a play can stand from where it was put.
+Offset and starting memory say nothing about the model. They are nuisances: their columns (``nuisances``) are projected
+out of everything that is compared, the memory's shrunk to how far a play can stand from where it was put.
 """
 
 from __future__ import annotations
@@ -26,6 +26,7 @@ from phaselead.model import (
     Extra,
     Place,
     Stage,
+    TimeView,
     effect,
     plays,
     plays_after,
@@ -64,21 +65,13 @@ class Began(NamedTuple):
 
 @dataclass(frozen=True)
 class ModelledRun:
-    """A run under one model of its axis: the chain that simulates it, the memory it starts from, its nuisances."""
+    """A run under one model of its axis: the chain that simulates it, and the memory it starts from."""
 
     run: GapRun
     axis: AxisModel
     chain: Chain
     began: Began | None
     """None is a step from rest at 0 V in the first row."""
-    nuisances: Samples
-    """Columns (n, k) of its nuisances over the scored rows: the offset, then in um per prior deviation of a play's
-    start."""
-
-    @property
-    def plays_V(self) -> Samples | None:
-        """Where the m plays stand in its first row; None after a step from rest at 0 V."""
-        return None if self.began is None else self.began.plays_V
 
     @cached_property
     def period_rows(self) -> int | None:
@@ -95,6 +88,36 @@ class ModelledRun:
         """Residual (n,) in um over the scored rows: measured minus the model with the effects ``extra``. The record's
         offset is still in it."""
         return np.asarray(self.run.x_um[self.run.rows] - self.answer(extra))
+
+    def error_about_mean(self, extra: Extra = ()) -> Samples:
+        """The same without its mean, which is the record's own offset."""
+        error = self.error(extra)
+        return np.asarray(error - error.mean())
+
+    @cached_property
+    def nuisances(self) -> Samples:
+        """Columns (n, k) over the scored rows that the record's own offset and memory explain: a constant, then in um
+        what a prior deviation of each play's start would do, its weight until the play first moves, and what the
+        effects of the base still do that remember another way before the record."""
+        view, run = self.axis.time, self.run
+        assert view is not None
+        n = run.stop - run.start
+        columns = [np.ones(n)]
+        if view.play_r_V:
+            v, offset_V = _at_plays(self.chain, view)
+            start = offset_V + (rest_plays(view) if self.began is None else self.began.plays_V)
+            r, w = np.asarray(view.play_r_V), np.asarray(view.play_w_um_per_V) * view.density.at(start)
+            for j, moved_at in enumerate(_first_moves(v, r, start)):
+                still = min(moved_at, run.stop) - run.start
+                if 0 < still < n and w[j] != 0:
+                    column = np.zeros(n)
+                    column[:still] = w[j] * PLAY_SPREAD * r[j]
+                    columns.append(column)
+        for e, params in _remembering(self.axis):
+            assert e.began_with is not None
+            still_does = e.began_with(self.chain.signal_at(Place.HYSTERESIS), params)[1:][run.rows]
+            columns += [PLAY_SPREAD * column for column in still_does.T]
+        return np.stack(columns, axis=1)
 
 
 def modelled_run(axis: AxisModel, run: GapRun, beside: Extra = ()) -> ModelledRun:
@@ -120,7 +143,7 @@ def run_from_where_it_stood(axis: AxisModel, run: GapRun) -> ModelledRun:
 
 
 def _modelled_from(began: Began | None, axis: AxisModel, run: GapRun) -> ModelledRun:
-    return ModelledRun(run, axis, _chain(axis, run, began), began, nuisance_columns(axis, run, began))
+    return ModelledRun(run, axis, _chain(axis, run, began), began)
 
 
 def with_effects(axis: AxisModel, entries: Extra) -> AxisModel:
@@ -138,8 +161,8 @@ def left_um(stage: Stage, records: Sequence[Recording]) -> float:
         raise BadInput(
             f"no record has an axis of which stage {stage.name!r} has a time view; fit it to recordings first"
         )
-    errors = [modelled_run(stage.axes[run.axis], run).error() for run in runs]
-    return float(np.sqrt(np.mean(np.concatenate([error - error.mean() for error in errors]) ** 2)))
+    errors = [modelled_run(stage.axes[run.axis], run).error_about_mean() for run in runs]
+    return float(np.sqrt(power_um2(errors)))
 
 
 def _chain(axis: AxisModel, run: GapRun, began: Began | None) -> Chain:
@@ -148,13 +171,12 @@ def _chain(axis: AxisModel, run: GapRun, began: Began | None) -> Chain:
     return Chain(axis, run.t_s, run.u_V, others_um=others, start=plays_V, turned_V=turned_V)
 
 
-def _at_plays(axis: AxisModel, run: GapRun, began: Began | None) -> tuple[Samples, float]:
+def _at_plays(chain: Chain, view: TimeView) -> tuple[Samples, float]:
     """Field (n,) in V that the plays answer to, and by how much it stood off that of the recorded voltage before the
     record: on a rail, say."""
-    signal = _chain(axis, run, began).signal_at(Place.AMPLIFIER)
-    assert axis.time is not None
-    v, recorded_V = axis.time.field.of(signal.value), axis.time.field.at(float(signal.u_V[0]))
-    return v[1:], float(v[0]) - recorded_V
+    signal = chain.signal_at(Place.AMPLIFIER)
+    v = view.field.of(signal.value)
+    return v[1:], float(v[0]) - view.field.at(float(signal.u_V[0]))
 
 
 def _best_start(axis: AxisModel, run: GapRun) -> Began | None:
@@ -205,7 +227,7 @@ def _plays_um(axis: AxisModel, run: GapRun, stood: Began, rows: Index) -> Callab
     """
     view = axis.time
     assert view is not None
-    v, offset_V = _at_plays(axis, run, stood)
+    v, offset_V = _at_plays(_chain(axis, run, stood), view)
     r, w = np.asarray(view.play_r_V), np.asarray(view.play_w_um_per_V)
     at, far_V = rows.astype(np.uintp), np.ptp(v) + abs(v).max() + 2 * r
     # What is read of a play rises with it: it may be read before as well as after it is held within that interval.
@@ -221,38 +243,6 @@ def _fading_um(axis: AxisModel, run: GapRun, stood: Began, rows: Index) -> Calla
 def _remembering(axis: AxisModel) -> list[Entry]:
     """The base's own effects that remember where they turned."""
     return [(e, e.complete(params)) for e, params in base_entries(axis) if e.began_with is not None]
-
-
-def nuisance_columns(axis: AxisModel, run: GapRun, began: Began | None) -> Samples:
-    """Columns (n, k) over the scored rows that a record's own offset and memory explain: a constant, and what a shift
-    of each play's start would do, its weight until the play first moves."""
-    view = axis.time
-    assert view is not None
-    n = run.stop - run.start
-    columns = [np.ones(n)]
-    if view.play_r_V:
-        v, offset_V = _at_plays(axis, run, began)
-        start = offset_V + (rest_plays(view) if began is None else began.plays_V)
-        r, w = np.asarray(view.play_r_V), np.asarray(view.play_w_um_per_V) * view.density.at(start)
-        for j, moved_at in enumerate(_first_moves(v, r, start)):
-            still = min(moved_at, run.stop) - run.start
-            if 0 < still < n and w[j] != 0:
-                column = np.zeros(n)
-                column[:still] = w[j] * PLAY_SPREAD * r[j]
-                columns.append(column)
-    columns += _began_with(axis, run, began)
-    return np.stack(columns, axis=1)
-
-
-def _began_with(axis: AxisModel, run: GapRun, began: Began | None) -> list[Samples]:
-    """Columns (n,) over the scored rows: what the effects of the base still do that remember another way before the
-    record."""
-    remembering = _remembering(axis)
-    if not remembering:
-        return []
-    signal = _chain(axis, run, began).signal_at(Place.HYSTERESIS)
-    found = [e.began_with(signal, params)[1:][run.rows] for e, params in remembering if e.began_with is not None]
-    return [PLAY_SPREAD * column for columns in found for column in columns.T]
 
 
 def _first_moves(v: Samples, r: Samples, start: Samples) -> list[int]:

@@ -26,10 +26,11 @@ from phaselead.gap.findings import (
     parameter_rows,
     parameter_texts,
 )
-from phaselead.gap.locate import excludes, explained, headline, three_digits, unit_of
+from phaselead.gap.locate import excludes, explained, headline, unit_of
 from phaselead.gap.unexplained import Unexplained
 from phaselead.gap.verify_on import TrackingComparison
 from phaselead.model import Scene, Stage, catalogue
+from phaselead.quantity import digits
 from phaselead.record import Source, write_text
 from phaselead.result import Result, Table, json_text
 
@@ -120,13 +121,7 @@ class GapResult(Result):
             "untestable": list(self.untestable),
             "untestable_why": {name: self.untestable_why.get(name, "") for name in self.untestable},
             "where": [_cell(c) for c in self.where],
-            "gap": {
-                "before": self.gap.before,
-                "after": self.gap.after,
-                "floor": self.gap.floor,
-                "unit": self.gap.unit,
-                "floor_from": self.gap.floor_from,
-            },
+            "gap": {name: value for name, value in vars(self.gap).items() if name != "floor_is_after"},
             "unexplained": None if self.unexplained is None else self.unexplained.as_dict(),
             "next_experiment": _experiment(self.next_experiment),
             "doubts": list(self.doubts),
@@ -156,17 +151,7 @@ class GapResult(Result):
         share (of the unexplained power) and probability."""
         names = ("effect", "axis", "parameter", "value", "low_95", "high_95", "unit", "share", "probability")
         rows = [
-            (
-                effect.name,
-                effect.axis,
-                label,
-                value,
-                low,
-                high,
-                "" if unit == "1" else unit,
-                effect.share,
-                effect.probability,
-            )
+            (effect.name, effect.axis, label, value, low, high, unit_of(unit), effect.share, effect.probability)
             for effect in self.effects
             for label, value, low, high, unit in parameter_rows(self.sizes_of(effect))
         ]
@@ -280,14 +265,14 @@ def _with_axis(bound: Bound) -> str:
 
 def _experiment_text(e: NextExperiment) -> str:
     low, high = e.band
-    band = f"{three_digits(low)} Hz" if low == high else f"{three_digits(low)}..{three_digits(high)} Hz"
+    band = f"{digits(low, 3)} Hz" if low == high else f"{digits(low, 3)}..{digits(high, 3)} Hz"
     waveform = f"the waveform of {e.source} again" if e.source else e.waveform
     together = f"on {e.axis.replace(',', ', ')} at once, " if e.axis and e.several_axes else ""
     rivals = f"{', '.join(e.tells_apart)} apart" if e.tells_apart else "which power of the level softening grows by"
     odds = f"predicted log odds {e.separation:.3g}, names the true one {100 * e.chance:.0f} times in 100"
     record = f"{waveform}, {together}{e.level:.3g} V peak-to-peak about {e.bias:.3g} V, {band}, {e.seconds:.3g} s"
     if e.needs_sensor:
-        return f"next, to tell {rivals}: {e.needs_sensor}. No record is likely to: the best is {record}; {odds}"
+        return f"next, to tell {rivals}: {e.needs_sensor}. No record is likely to; the best would be {record}; {odds}"
     return f"next, to tell {rivals}: {record}; {odds}"
 
 

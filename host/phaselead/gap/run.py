@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import ctypes
-import sys
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -13,29 +11,17 @@ from threadpoolctl import threadpool_limits
 
 from phaselead.gap.adopt import next_stage
 from phaselead.gap.axis import AxisResult, search_axis
+from phaselead.gap.effect_search import Progress
 from phaselead.gap.error_rates import ERROR_RATE
 from phaselead.gap.findings import PROVISIONAL, Cell, GapSize
 from phaselead.gap.locate import axis_cells
 from phaselead.gap.records import GapRun, axis_runs
 from phaselead.gap.result import GapResult
-from phaselead.gap.scale import (
-    beside_model,
-    exchange_doubts,
-    range_doubts,
-    refuse_moved_at_rest,
-    refuse_unlike_model,
-    scale_doubts,
-)
-from phaselead.gap.search import Progress
+from phaselead.gap.scale import beside_model, model_doubts, refuse_moved_at_rest, refuse_unlike_model
 from phaselead.gap.several_axes import search_together
 from phaselead.gap.verify_on import verify_on
 from phaselead.model import Effect, Stage, catalogue
 from phaselead.record import Recording, glitch_doubts
-
-_TRIM_THRESHOLD, _TOP_PAD, _MMAP_MAX = -1, -2, -4
-"""Options of mallopt(3), as in glibc's malloc.h."""
-KEPT_bytes, PAD_bytes = 2**31 - 1, 2**26
-"""Freed memory that is kept, and by how much more the heap grows than was asked for."""
 
 
 def run_gap(
@@ -56,16 +42,14 @@ def run_gap(
     ``on_progress`` takes the share that is done, 0 to 1. Raises BadInput, one line, for records that cannot be used.
     """
     began = time.monotonic()
-    report = on_progress or _silent
+    report = on_progress or (lambda share: None)
     runs = axis_runs(stage, train, holdout, reference)
     refuse_moved_at_rest(stage, runs)
     driven = beside_model(stage, runs)
     refuse_unlike_model(driven)
     doubts = (
         *glitch_doubts([*train, *holdout, *reference]),
-        *scale_doubts(driven),
-        *exchange_doubts(stage, driven),
-        *range_doubts(stage, driven),
+        *model_doubts(stage, driven),
         *_provisional_doubts(stage, list(runs)),
     )
     base_frozen = frozen if frozen is not None else bool(reference)
@@ -102,8 +86,8 @@ def _provisional_doubts(stage: Stage, axes: Sequence[str]) -> list[str]:
     """One line for each axis whose model has effects that no records vouched for: they hide what they stand for."""
     unsure = {axis: [e.name for e in stage.axes[axis].effects if e.status == PROVISIONAL] for axis in axes}
     return [
-        f"{axis}: the model has {', '.join(names)} provisionally, which hides what it stands for; to have it "
-        "looked for, give the model from before"
+        f"{axis}: the model holds {', '.join(names)} provisionally, a name that no records vouch for; only what "
+        "changed since is looked for. If `gap` put it there, the model from before shows what it is"
         for axis, names in unsure.items() if names
     ]  # fmt: skip
 
@@ -167,10 +151,6 @@ def _of_several(result: AxisResult) -> AxisResult:
     return replace(result.labelled(), messages=messages, doubts=doubts)
 
 
-def _silent(share: float) -> None:
-    pass
-
-
 def _where(results: Sequence[AxisResult]) -> tuple[Cell, ...]:
     """Cells of all axes, those that stand out first. With several axes a share is of its own axis' power."""
     errors = {r.axis: [t.measured_um - t.before_um for t in r.traces] for r in results}
@@ -180,14 +160,12 @@ def _where(results: Sequence[AxisResult]) -> tuple[Cell, ...]:
 
 def _verdicts(results: Sequence[AxisResult]) -> tuple[str, ...]:
     """The verdicts that hold on any axis; "none" where no other does."""
-    found = []
-    if any(r.effects for r in results):
-        found.append("named")
-    if any(r.ties for r in results):
-        found.append("tie")
-    if any(r.unknown for r in results):
-        found.append("unknown")
-    return tuple(found or ["none"])
+    holds = {
+        "named": any(r.effects for r in results),
+        "tie": any(r.ties for r in results),
+        "unknown": any(r.unknown for r in results),
+    }
+    return tuple(verdict for verdict in holds if holds[verdict]) or ("none",)
 
 
 def _untestable(results: Sequence[AxisResult]) -> tuple[str, ...]:
@@ -223,16 +201,3 @@ def _floor_from(results: Sequence[AxisResult]) -> str:
     if len(axes) == 1:
         return next(iter(axes))
     return "; ".join(f"on {', '.join(of_axes)} {floor_from}" for floor_from, of_axes in axes.items())
-
-
-def keep_freed_memory() -> bool:
-    """Have this process keep the memory that it frees; whether it does. For a process that does nothing else.
-
-    A search allocates and frees some tens of megabytes thousands of times. glibc gives each back to the system, which
-    clears every page again: a third of the processor time. Elsewhere than on glibc nothing changes.
-    """
-    mallopt = getattr(ctypes.CDLL(None), "mallopt", None) if sys.platform == "linux" else None
-    if mallopt is None:
-        return False
-    wanted = ((_TRIM_THRESHOLD, KEPT_bytes), (_TOP_PAD, PAD_bytes), (_MMAP_MAX, 0))
-    return all(mallopt(option, value) == 1 for option, value in wanted)

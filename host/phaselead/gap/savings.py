@@ -25,7 +25,10 @@ def saved_by_block(
         [t.run.stop - t.run.start for t in before], max(wanted_rows(t.run.step_s, t.period_rows) for t in before)
     )
     pairs = zip(before, after, edges, strict=True)
-    parts = [np.add.reduceat(_squares(a, before_with) - _squares(b, after_with), e[:-1]) for a, b, e in pairs]
+    parts = [
+        np.add.reduceat(a.error_about_mean(before_with) ** 2 - b.error_about_mean(after_with) ** 2, e[:-1])
+        for a, b, e in pairs
+    ]
     return np.concatenate(parts)
 
 
@@ -35,9 +38,3 @@ def probability_by_chance(saved: Samples) -> float:
     if not spread > 0:
         return 1.0
     return float(t_distribution.sf(float(saved.mean()) / spread * np.sqrt(len(saved)), len(saved) - 1))
-
-
-def _squares(modelled: ModelledRun, entries: Sequence[SizedEffect]) -> Samples:
-    """Squares (n,) in um^2 of what the effects leave of a run, about its mean."""
-    error = modelled.error(entries)
-    return np.asarray((error - error.mean()) ** 2)

@@ -11,7 +11,8 @@ from scipy.signal import detrend
 
 from phaselead.errors import BadInput, more_like_it
 from phaselead.gap.goodness_of_fit import FinalFit
-from phaselead.gap.posterior import TIMES_BASE, names_of, stands_off
+from phaselead.gap.history import stands_off
+from phaselead.gap.posterior import TIMES_BASE, names_of
 from phaselead.gap.records import GapRun, Role
 from phaselead.gap.residual import RunResidual, modelled_run
 from phaselead.gap.selection import Selection
@@ -68,27 +69,21 @@ class FarAbove(NamedTuple):
 
 def beside_model(stage: Stage, runs: Mapping[str, Sequence[GapRun]]) -> Compared:
     """By axis the driven records, each with what the model says of it and its position."""
-    return {axis: [(run, *_expected(stage, run)) for run in of_axis if run.driven] for axis, of_axis in runs.items()}
+    return {
+        axis: [(run, modelled_run(stage.axes[axis], run).answer(), run.x_um[run.rows]) for run in of_axis if run.driven]
+        for axis, of_axis in runs.items()
+    }
 
 
-def scale_doubts(driven: Compared) -> tuple[str, ...]:
-    """One line for each axis whose records move as no change of the stage makes them: out of scale, or backwards."""
-    return tuple(line for axis, of_axis in driven.items() for line in _doubt(axis, of_axis))
-
-
-def exchange_doubts(stage: Stage, driven: Compared) -> tuple[str, ...]:
-    """One line for each axis whose reference records the model describes far worse than the others, and than its fit
-    says that it described its own records: it was made of them, so they may have been given in the others' place.
-
-    What the fit left counts since references that are quick leave more than others that are slow, exchanged or not.
-    """
-    return tuple(line for axis, of_axis in driven.items() for line in _exchanged(axis, stage.axes[axis], of_axis))
-
-
-def range_doubts(stage: Stage, driven: Compared) -> tuple[str, ...]:
-    """One line for each axis with records that go beyond the voltages that its model was fitted to: what it says there
-    is a guess."""
-    return tuple(line for axis, of_axis in driven.items() for line in _beyond_fit(axis, stage.axes[axis], of_axis))
+def model_doubts(stage: Stage, driven: Compared) -> list[str]:
+    """Whether the records are of the model's stage: lines on all axes that are out of scale, then on those whose roles
+    seem exchanged, then on those that go beyond the fit."""
+    return [
+        line
+        for asked in (_out_of_scale, _exchanged, _beyond_fit)
+        for axis, of_axis in driven.items()
+        for line in asked(axis, stage.axes[axis], of_axis)
+    ]
 
 
 def led_beyond_fit(selection: Selection) -> list[str]:
@@ -129,6 +124,7 @@ def _beyond_range(model: AxisModel, least_V: float, most_V: float) -> str | None
 
 
 def _beyond_fit(axis: str, model: AxisModel, driven: Sequence[Moved]) -> list[str]:
+    """One line where records go beyond the voltages that the model was fitted to: what it says there is a guess."""
     spans = [(run, *fitted_span_V([run.as_fitted])) for run, _, _ in driven]
     told = [(run, least_V, most_V, _beyond_range(model, least_V, most_V)) for run, least_V, most_V in spans]
     far = [one for one in told if one[3] is not None]
@@ -142,6 +138,11 @@ def _beyond_fit(axis: str, model: AxisModel, driven: Sequence[Moved]) -> list[st
 
 
 def _exchanged(axis: str, model: AxisModel, driven: Sequence[Moved]) -> list[str]:
+    """One line where the model describes the reference records far worse than the others, and than its fit says that it
+    described its own records: it was made of them, so they may have been given in the others' place.
+
+    What the fit left counts since references that are quick leave more than others that are slow, exchanged or not.
+    """
     left = {role: _left([moved for moved in driven if moved[0].role == role]) for role in ROLES}
     reference, others = left.pop("reference"), [one for one in left.values() if one is not None]
     if reference is None or not others:
@@ -255,40 +256,43 @@ def _moves_by_itself_um(stage: Stage, run: GapRun) -> float:
 
 
 def refuse_unlike_model(driven: Compared) -> None:
-    """Refuse records that move beside what the model says as if a column were in another unit. Raises BadInput, one
-    line."""
+    """Refuse records that move beside what the model says as if a column were in another unit, or as no stage comes to
+    with a voltage that looks like a position. Raises BadInput, one line."""
     for axis, of_axis in driven.items():
-        _refuse(axis, of_axis)
-
-
-def _refuse(axis: str, driven: Sequence[Moved]) -> None:
-    well = [(run, said, moved) for run, said, moved in driven if run.driven_well]
-    found = factors_moved([(said, moved) for _, said, moved in well], [run.step_s for run, _, _ in well])
-    off = {i: factor for i, factor in found.items() if in_another_unit(factor)}
-    if off:
+        well = [(run, said, moved) for run, said, moved in of_axis if run.driven_well]
+        found = factors_moved([(said, moved) for _, said, moved in well], [run.step_s for run, _, _ in well])
+        exchanged = {i for i, factor in found.items() if out_of_scale(factor) and _seems_exchanged(well[i][0])}
+        off = {i: factor for i, factor in found.items() if in_another_unit(factor) or i in exchanged}
+        if not off:
+            continue
         (first, factor), *more = off.items()
         of_all = len(off) == len(found)
         instead = "fit the model to this stage" if of_all else "leave the record out"
-        run = well[first][0]
-        exchanged = run.r_um is None and seem_exchanged(run.u_V, run.x_um)
-        mend = "voltage and position seem exchanged: name them right" if exchanged else unit_remedy(factor, of_all)
+        swapped = _seems_exchanged(well[first][0])
+        mend = "voltage and position seem exchanged: name them right" if swapped else unit_remedy(factor, of_all)
         raise BadInput(
-            f"{run.source}: axis {axis} moves {digits(factor, 2)} times as far as the model says"
+            f"{well[first][0].source}: axis {axis} moves {digits(factor, 2)} times as far as the model says"
             f"{more_like_it(len(more))}; {mend}, or {instead}"
         )
 
 
-def _doubt(axis: str, driven: Sequence[Moved]) -> list[str]:
+def _seems_exchanged(run: GapRun) -> bool:
+    """Whether the columns of an open loop seem exchanged."""
+    return run.r_um is None and seem_exchanged(run.u_V, run.x_um)
+
+
+def _out_of_scale(axis: str, _: AxisModel, driven: Sequence[Moved]) -> list[str]:
+    """One line where the records move as no change of the stage makes them: out of scale, or backwards."""
     known = _gains_of_roles(driven)
     off = {role: gain for role, gain in known.items() if out_of_scale(gain)}
     if not off:
-        return _doubt_of_one(axis, driven)
+        return _one_out_of_scale(axis, driven)
     roles = " and ".join(ROLES[role] for role in off)
     which = "records" if len(off) == len(known) else f"{roles} records"
     return [f"{axis}: the {which} move {scale_doubt(off.values())}"]
 
 
-def _doubt_of_one(axis: str, driven: Sequence[Moved]) -> list[str]:
+def _one_out_of_scale(axis: str, driven: Sequence[Moved]) -> list[str]:
     """One line where single records move as no change of the stage makes them: among others of their role they may not
     tell."""
     gains = [
@@ -318,7 +322,3 @@ def _gains_of_roles(driven: Sequence[Moved]) -> dict[Role, float]:
         if gain is not None:
             known[role] = gain
     return known
-
-
-def _expected(stage: Stage, run: GapRun) -> tuple[Samples, Samples]:
-    return modelled_run(stage.axes[run.axis], run).answer(), run.x_um[run.rows]

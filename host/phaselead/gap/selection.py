@@ -10,8 +10,6 @@ from phaselead.gap.error_rates import INSIDE
 from phaselead.gap.findings import NAMED, WITHDRAWN, Candidate, Estimate, Posterior
 from phaselead.gap.parameters import SizedEffect
 from phaselead.gap.posterior import MORE_LIKELY_THAN_NOT, MOST_TIED, Claim, Contest
-from phaselead.gap.records import Role
-from phaselead.gap.residual import ModelledRun
 from phaselead.model import AxisModel, Effect
 
 
@@ -90,10 +88,6 @@ class Selection:
                     f"{names} cannot be told from a model that was wrong: give --reference records, or --frozen"
                 )
         return said
-
-    def runs(self, role: Role) -> list[ModelledRun]:
-        """Those of one role, under the base."""
-        return [run.modelled for run in self.contest.likelihood.runs if run.modelled.run.role == role]
 
     def withdrawn(self) -> Selection:
         """The same where no claim survives: nothing stands in the place of another effect, or beside it."""

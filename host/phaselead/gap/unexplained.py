@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from phaselead.gap.error_rates import ERROR_RATE
-from phaselead.gap.generic_model import Columns, Moments, columns_of, moments_of, new_amounts, ridge_amounts
+from phaselead.gap.generic_model import Columns, FoldMoments, columns_of, moments_of, new_amounts, ridge_amounts
 from phaselead.gap.residual import RunResidual, period_of
 from phaselead.gap.time_blocks import block_edges, wanted_rows
 from phaselead.identify import effective_rows
@@ -100,7 +100,7 @@ def _beyond_chance(found: Unexplained) -> float:
     return found.share - found.chance
 
 
-def _moments(columns: Columns, residuals: Sequence[RunResidual]) -> Moments:
+def _moments(columns: Columns, residuals: Sequence[RunResidual]) -> FoldMoments:
     return moments_of(columns, [r.run for r in residuals], [r.error_um for r in residuals])
 
 
@@ -143,7 +143,8 @@ def _products(
     """By chance the product of the two is as often negative as positive in each block, and independent from block to
     block, where blocks are longer than it remembers: its sum under random signs is what chance gives."""
     each = [e * p for e, p in zip(left, said, strict=True)]
-    wanted = max(*(_block_rows(r) for r in holdout), *(_independent_rows(one) for one in each))
+    of_runs = (wanted_rows(r.run.step_s, period_of(r.run.u_V[r.run.rows])) for r in holdout)
+    wanted = max(*of_runs, *(_independent_rows(one) for one in each))
     edges = block_edges([len(one) for one in each], wanted)
     products = np.concatenate([np.add.reduceat(one, edge[:-1]) for one, edge in zip(each, edges, strict=True)])
     signs = np.random.default_rng(0).choice([-1.0, 1.0], size=(SIGN_DRAWS, len(products)))
@@ -157,9 +158,3 @@ def _independent_rows(products: Samples) -> int:
     one (Lee, Conduit, Nemec, Lopez Rios and Drummond 2011, on blocks of Flyvbjerg and Petersen 1989)."""
     n = len(products)
     return round((2 * n * (n / effective_rows(products)) ** 2) ** (1 / 3)) if products.any() else 1
-
-
-def _block_rows(residual: RunResidual) -> int:
-    """Rows of BLOCK_s, or of a period of the voltage where that is longer."""
-    run = residual.run
-    return wanted_rows(run.step_s, period_of(run.u_V[run.rows]))

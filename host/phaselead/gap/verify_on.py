@@ -130,15 +130,14 @@ def _modes(axes: Sequence[str], after: Stage) -> list[str]:
 
 def _paths(axes: Sequence[str], before: Stage, after: Stage) -> list[tuple[str, dict[str, Waveform]]]:
     """Name of each path and what every axis follows; several axes move at the same time."""
-    together = [list(axes)] if len(axes) > 1 else [[name] for name in axes]
-    found: list[tuple[str, dict[str, Waveform]]] = []
-    for group in together:
-        spans = {name: _span_um(before.axes[name], after.axes[name]) for name in group}
-        found.append((f"sine, {SINE_Hz:g} Hz", _periodic(spans, Sine, SINE_Hz)))
-        found.append((f"triangle, {TRIANGLE_Hz:g} Hz", _periodic(spans, Triangle, TRIANGLE_Hz)))
-        if any(_has_effect_at(Place.CREEP, after.axes[name]) for name in group):
-            moves = {n: Goto(PATH_SWING * (high - low), low, "um", MOVE_Hz) for n, (low, high) in spans.items()}
-            found.append((f"move and hold, {HOLD_s:g} s", {**moves}))
+    spans = {name: _span_um(before.axes[name], after.axes[name]) for name in axes}
+    found = [
+        (f"sine, {SINE_Hz:g} Hz", _periodic(spans, Sine, SINE_Hz)),
+        (f"triangle, {TRIANGLE_Hz:g} Hz", _periodic(spans, Triangle, TRIANGLE_Hz)),
+    ]
+    if any(_has_effect_at(Place.CREEP, after.axes[name]) for name in axes):
+        moves = {n: Goto(PATH_SWING * (high - low), low, "um", MOVE_Hz) for n, (low, high) in spans.items()}
+        found.append((f"move and hold, {HOLD_s:g} s", {**moves}))
     return found
 
 

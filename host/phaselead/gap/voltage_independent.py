@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from phaselead.gap.bounds import disturbance_bounds
 from phaselead.gap.disturbances import (
     Disturbance,
+    RecordOffset,
     Shift,
     best_explained,
     disturbance_spectra,
@@ -18,6 +19,7 @@ from phaselead.gap.disturbances import (
 from phaselead.gap.error_rates import ERROR_RATE, FOUND_AGAIN
 from phaselead.gap.findings import Bound, NamedEffect, Spectrum
 from phaselead.gap.goodness_of_fit import FinalFit
+from phaselead.gap.records import Role
 from phaselead.model import Effect, catalogue
 
 _OF_DISTURBANCE, _OF_SHIFT = 1 - FOUND_AGAIN, 1 - ERROR_RATE
@@ -52,7 +54,7 @@ class VoltageIndependent:
 
 
 def find_voltage_independent(
-    axis: str, final: FinalFit, effects: Sequence[Effect], claimed: set[str], none_drifts: bool = False
+    axis: str, final: FinalFit, effects: Sequence[Effect], claimed: set[str], none_drifts: bool
 ) -> VoltageIndependent:
     """Test what the final model leaves for disturbances and a moved zero. ``claimed`` are the names of the search;
     ``none_drifts``: it has found that the zero moves in no session."""
@@ -94,7 +96,7 @@ class _MovedZero:
 
 def _moved_zero(final: FinalFit, effects: Sequence[Effect], claimed: set[str], none_drifts: bool) -> _MovedZero:
     """Test for a zero that moved between the sessions."""
-    offsets = final.offsets("reference"), final.offsets("train"), final.offsets("holdout")
+    offsets = _offsets(final, "reference"), _offsets(final, "train"), _offsets(final, "holdout")
     shifts = session_shifts(*offsets, final.unexplained_um, none_drifts=none_drifts)
     # What is slow and was named may shift the records as well.
     slow = any(effect.slow and effect.name in claimed for effect in effects)
@@ -124,6 +126,11 @@ def _moved_zero(final: FinalFit, effects: Sequence[Effect], claimed: set[str], n
         ],
         drift_um_per_s=sum(rates),
     )
+
+
+def _offsets(final: FinalFit, role: Role) -> list[RecordOffset]:
+    """Mean residual of the final model per run. The reference records are without the effects."""
+    return [RecordOffset.of(t.run.t_s[t.run.rows], t.error(acting), t.run.idle) for t, acting in final.acting(role)]
 
 
 def _moved_back(names: Sequence[str], shifts: Mapping[str, Shift]) -> str:

@@ -30,12 +30,12 @@ from phaselead.gap import (
     excludes,
     explained,
     parameter_rows,
-    three_digits,
     typical_of,
     unit_of,
 )
 from phaselead.gap import headline as cells_headline
 from phaselead.model import catalogue
+from phaselead.quantity import digits
 from phaselead.record import Samples
 from phaselead.report.origin import Origin, of_stage
 from phaselead.report.page import render
@@ -64,7 +64,7 @@ def gap_page(result: GapResult, model_name: str, json_name: str = "gap.json") ->
     """The page as HTML. ``json_name`` is the file of the next experiment."""
     return render(
         "gap.html",
-        three_digits=three_digits,
+        digits=digits,
         begun=begun,
         model_name=model_name,
         headline=headline(result),
@@ -78,7 +78,7 @@ def gap_page(result: GapResult, model_name: str, json_name: str = "gap.json") ->
         unexplained=result.unexplained,
         unexplained_sentence=result.unexplained_sentence,
         advice=result.advice,
-        candidates=candidate_rows(result.candidates, result.ties),
+        candidates=candidate_rows(result.candidates, {effect.name for effect in result.effects}, result.ties),
         traces=[{"name": t.source, "axis": t.axis, "figure": trace_figure(t)} for t in _largest(result.traces)],
         spectra=[{"name": begun(effect_title(s.name)), "figure": spectrum_figure(s)} for s in result.spectra],
         remains=remains(result),
@@ -191,7 +191,7 @@ def sizes_of(effect: NamedEffect) -> list[str]:
 def in_usual_unit(value: float, unit: str) -> str:
     """With three digits; below 1 in the next smaller unit."""
     factor, unit = usual_unit(value, unit)
-    return f"{three_digits(value * factor)} {unit}" if unit != "1" else three_digits(value)
+    return f"{digits(value * factor, 3)} {unit}" if unit != "1" else digits(value, 3)
 
 
 def usual_unit(value: float, unit: str) -> tuple[float, str]:
@@ -228,6 +228,8 @@ def _below_floor(result: GapResult) -> str:
 def remains(result: GapResult) -> str:
     """How much of the gap remains, in words."""
     gap = result.gap
+    if not result.adopted and gap.after == gap.before:
+        return "Nothing was adopted: the gap is as it was."
     if gap.floor_is_after:
         left = 100 * (gap.after / gap.before) ** 2 if gap.before > 0 else 0.0
         return (
@@ -268,21 +270,27 @@ def told_apart(experiment: NextExperiment) -> str:
     return listed([effect_title(n) for n in names]) if names else "the powers of the level by which softening may grow"
 
 
-def candidate_rows(candidates: Sequence[Candidate], ties: Sequence[tuple[str, ...]] = ()) -> list[dict[str, Any]]:
-    """Every candidate, the best first; a set of which an effect leads a tie is not called named."""
-    leading = {tie[0] for tie in ties}
+def candidate_rows(
+    candidates: Sequence[Candidate], named: Collection[str], ties: Sequence[tuple[str, ...]] = ()
+) -> list[dict[str, Any]]:
+    """Every candidate, the best first; what of it is ``named``, and what leads a tie, where that is not all of it."""
     return [
         {
             "step": c.step, "name": " + ".join(effect_title(n) for n in c.name.split(" + ")), "score": c.score,
-            "remark": _leads(leading.intersection(c.name.split(" + "))) if c.remark == NAMED else c.remark,
+            "remark": _best(c.name.split(" + "), named, ties) if c.remark == NAMED else c.remark,
         }
         for c in candidates
     ]  # fmt: skip
 
 
-def _leads(names: Collection[str]) -> str:
-    """What is said of the best set, of which effects of these ``names`` lead a tie."""
-    return f"most probable; {listed([effect_title(n) for n in sorted(names)])} in a tie" if names else NAMED
+def _best(names: Sequence[str], named: Collection[str], ties: Sequence[tuple[str, ...]]) -> str:
+    """What is said of the best set."""
+    if set(names) <= set(named):
+        return NAMED
+    leading = {tie[0] for tie in ties}
+    said = {"named": [n for n in names if n in named], "in a tie": [n for n in names if n in leading]}
+    each = [f"{listed([effect_title(n) for n in sorted(of)])} {what}" for what, of in said.items() if of]
+    return "; ".join(["most probable", *each])
 
 
 def _largest(traces: Sequence[Trace]) -> list[Trace]:

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from pathlib import PurePath
 
 from phaselead.model import Stage, parse_stage
-from phaselead.record import Recording, Source
+from phaselead.record import Recording, Source, shortest_names
 
 SHOWN_DIGITS = 12
 """Of a SHA-256: two recordings of a lab have the same with a chance of one in 10^8 when it has a thousand."""
@@ -24,11 +23,15 @@ class Origin:
 
     def used(self) -> list[tuple[str, list[dict[str, str]]]]:
         """For the template: what for, and each recording once."""
-        return [(use, [_row(one) for one in dict.fromkeys(of)]) for use, of in self.recordings.items() if of]
+        names = shortest_names({one.name for of in self.recordings.values() for one in of})
+        return [
+            (use, [_row(one, names[one.name]) for one in dict.fromkeys(of)])
+            for use, of in self.recordings.items() if of
+        ]  # fmt: skip
 
 
-def _row(source: Source) -> dict[str, str]:
-    return {"name": PurePath(source.name).name, "sha256": source.sha256, "short": source.sha256[:SHOWN_DIGITS]}
+def _row(source: Source, name: str) -> dict[str, str]:
+    return {"name": name, "sha256": source.sha256, "short": source.sha256[:SHOWN_DIGITS]}
 
 
 def of_stage(stage: Stage, what: str = "The stage file") -> str:

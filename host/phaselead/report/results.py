@@ -92,11 +92,13 @@ def _(result: FitResult) -> str:
 
 def _parts_of_axes(result: FitResult) -> list[Part]:
     noise, creep = noise_figure(result), creep_figure(result)
+    tabled = any(axis.table is not None for axis in result.model.axes.values())
     none = ["No creep is known of this model: `phaselead identify` holds each axis and fits its creep."]
     return [
         Part(
             "How does it answer each frequency?", (), (), bode_figure(result),
-            "Lines: the model, from the step below. Points: the sines of the table view; gain grows with the swing.",
+            "Lines: the model, from the step below."
+            + (" Points: the sines of the table view; gain grows with the swing." if tabled else ""),
         ),
         Part("How does it answer a step?", (), (), step_figure(result), "The model; no step was driven."),
         Part(

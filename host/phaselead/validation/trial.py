@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 
 from phaselead.errors import BadInput, PhaseleadError
-from phaselead.gap import GapResult, NamedEffect, excitation_of, keep_freed_memory, left_um, run_gap
+from phaselead.freed_memory import keep_freed_memory
+from phaselead.gap import GapResult, NamedEffect, excitation_of, left_um, run_gap
 from phaselead.identify import STILL_V, Base, fit
 from phaselead.model import Actuator, AxisModel, Place, Stage, catalogue
 from phaselead.record import Recording

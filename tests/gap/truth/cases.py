@@ -22,7 +22,7 @@ Samples = NDArray[np.float64]
 EFFECTS: dict[str, type[Effect]] = {
     e.name: e for m in (electrical, ferroelectric, mechanical, sensor, surroundings) for e in m.EFFECTS
 }
-SETS = {"tuning": "tuning-2026", "confirm": "confirm-2026-11-22", "sealed": "sealed-2026-11-q"}
+SETS = {"tuning": "tuning-2026", "confirm": "confirm-2026-11-22", "sealed": "sealed-2026-11-r"}
 """Name of each set of seeds. The sealed ones are for the published figure alone; the letters
 before this one were spent on earlier versions."""
 KINDS = ("none", "single", "sines", "pair", "triple", "removed", "closed_loop", "coupling", "poor")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from phaselead.gap.design.excitation import about_limits
 from phaselead.gap.design.next_experiment import passes, propose, sensor_for
 from phaselead.gap.design.proposal import (
     axis_driven,
@@ -9,12 +10,12 @@ from phaselead.gap.design.proposal import (
     modes_crossed_Hz,
     proposal_of,
     read_proposal,
-    records_that_show,
     refuse_other_rate,
     run_proposal,
 )
 
 __all__ = [
+    "about_limits",
     "axis_driven",
     "excitation_of",
     "modes_crossed_Hz",
@@ -22,7 +23,6 @@ __all__ = [
     "proposal_of",
     "propose",
     "read_proposal",
-    "records_that_show",
     "refuse_other_rate",
     "run_proposal",
     "sensor_for",

@@ -27,6 +27,9 @@ LENGTHS_s = (2.0, 5.0, 10.0, 20.0, 40.0, 60.0)
 """That an experiment may take."""
 RECORD = "record"
 """Name of the waveform that repeats a record."""
+NEARLY_ALL = 0.95
+"""Share of the fitted voltages of which it is not said that the device may put out no more: records and limits are
+rarely set to the same volt. It decides no verdict."""
 
 
 @dataclass(frozen=True)
@@ -153,6 +156,20 @@ def span_V(axis: AxisModel) -> tuple[float, float]:
     assert axis.time is not None
     low, high = axis.time.u_range_V
     return max(low, axis.limits.u_min_V), min(high, axis.limits.u_max_V)
+
+
+def about_limits(axis: AxisModel) -> list[str]:
+    """One line where the device may put out clearly less than the voltages that the model was fitted on."""
+    assert axis.time is not None
+    (low, high), (lowest, highest) = span_V(axis), axis.time.u_range_V
+    share = max(high - low, 0.0) / (highest - lowest)
+    if share > NEARLY_ALL:
+        return []
+    at = f"{axis.limits.u_min_V:.3g} to {axis.limits.u_max_V:.3g} V"
+    return [
+        f"experiments keep within the stage file's limits, {at}, {100 * share:.0f} % of the voltages that the model "
+        "was fitted on: set them to what the device may put out, and run it again"
+    ]
 
 
 def excitations(axis: AxisModel, step_s: float) -> list[Excitation]:

@@ -88,7 +88,7 @@ def propose(selection: Selection, tied: Claim) -> NextExperiment | None:
         source=one.source,
         points=one.points,
         tells_apart=tuple(member.name for member in members),
-        drives=selection.runs("train")[0].run.axis,
+        drives=selection.contest.likelihood.runs[0].modelled.run.axis,
     )
 
 
@@ -207,7 +207,6 @@ class _Predicted:
             start=start,
             stop=n,
             source="proposed",
-            sha256="",
             others_um={},
             others_V={},
         )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -77,18 +77,13 @@ def axis_driven(proposed: Mapping[str, Any], asked: str | None = None) -> str:
     return str(found)
 
 
-def records_that_show(names: Iterable[str]) -> dict[str, str]:
-    """For each of the effects, by name, the kind of record that shows it. Names that the catalogue has not are left
-    out."""
-    return {name: catalogue()[name].reveals for name in names if name in catalogue()}
-
-
 def _what_would_tell(content: Mapping[str, Any]) -> str:
     """Under the verdict unknown, the records that would test what could not be tested; otherwise empty."""
     untestable = content.get("untestable")
     if "unknown" not in content.get("verdicts", ()) or not isinstance(untestable, list):
         return ""
-    told = ", ".join(f"{name} ({record})" for name, record in records_that_show(map(str, untestable)).items())
+    known = catalogue()
+    told = ", ".join(f"{name} ({known[name].reveals})" for name in map(str, untestable) if name in known)
     return (
         f". Something remains that has no name; record what would test what these records cannot: {told}"
         if told

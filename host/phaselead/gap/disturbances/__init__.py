@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from phaselead.gap.disturbances.disturbance import Disturbance, Residuals
-from phaselead.gap.disturbances.search import find_disturbances
+from phaselead.gap.disturbances.disturbance_search import find_disturbances
 from phaselead.gap.disturbances.session_offset import RecordOffset, Shift, best_explained, session_shifts
 from phaselead.gap.disturbances.spectra import disturbance_spectra
-from phaselead.gap.disturbances.upper_sizes import largest
 from phaselead.gap.disturbances.vibration import louder_at_rest
 
 __all__ = [
@@ -17,7 +16,6 @@ __all__ = [
     "best_explained",
     "disturbance_spectra",
     "find_disturbances",
-    "largest",
     "louder_at_rest",
     "session_shifts",
 ]

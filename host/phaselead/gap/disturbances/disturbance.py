@@ -23,5 +23,3 @@ class Disturbance:
 
 
 Residuals = Sequence[RunResidual]
-Parts = tuple[Residuals, Residuals, Residuals]
-"""Residuals of training, held-out and reference records."""

@@ -102,30 +102,26 @@ def session_shifts(
     Empty where the records do not suffice: driven ones of both sessions, and ones at rest of both, since anything that
     changes how the stage answers shifts the driven ones alone.
     """
-    every = [list(reference), list(train), list(holdout)]
-    before, learned, held = ([r for r in part if not r.idle] for part in every)
-    at_rest = [r for r in every[0] if r.idle], [r for part in every[1:] for r in part if r.idle]
-    if min(len(before), len(learned)) < FEWEST or not (held and at_rest[0] and at_rest[1]):
+    sessions = _Sessions(reference, train, holdout)
+    if not sessions.suffice:
         return {}
-    later, began_s = [*learned, *held], max(r.t_s for r in before)
     names = {e.moves_zero: e.name for e in catalogue().values() if e.moves_zero is not None}
     step, drift = names["at once"], names["steadily"]
-    after = min(r.t_s for r in later) > began_s
-    columns = [_stepped, _drifted(began_s)] if after else [_stepped]
-    amounts, _, scatter, _ = _fitted(before, later, columns)
-    # What fits badly is not for that as far off as it likes in records at rest, unless both together are seen there.
-    tolerated = None if _seen_at_rest(amounts, columns, at_rest, scatter) else scatter
-    found = {step: _shift(before, later, held, at_rest, None, unexplained_um, tolerated)}
-    if not after:
+    drifted = _drifted(sessions.began_s)
+    in_turn = min(r.t_s for r in sessions.later) > sessions.began_s
+    both = sessions.fitted([_stepped, drifted] if in_turn else [_stepped], sessions.later)
+    # Where there are a step and a drift, either alone fits badly, and within its large scatter records at rest could
+    # stand anywhere: they are allowed the scatter about both, unless they confirm both.
+    allowed_um = None if sessions.seen_at_rest(both, both.scatter_um) else both.scatter_um
+    found = {step: sessions.shift([_stepped], unexplained_um, allowed_um)}
+    if not in_turn:
         return found
-    alone, beyond = (
-        _shift(before, later, held, at_rest, began_s, unexplained_um, tolerated, beyond_step=b) for b in (False, True)
-    )
+    alone, beyond = (sessions.shift(c, unexplained_um, allowed_um) for c in ([drifted], [drifted, _stepped]))
     found[drift] = alone
     goes_on = beyond.sure or (beyond.chance < ERROR_RATE and not none_drifts)
     if goes_on and not (alone.sure and alone.left_um2 <= DISTINCT * beyond.left_um2):
         # Not a step alone; which of the two there is, or both, only a sure drift tells.
-        back, stepped = _moves_back(beyond.amount, at_rest), found[step].sure
+        back, stepped = sessions.moves_back(beyond.amount), found[step].sure
         sure = (alone.sure or stepped or beyond.sure) and not back
         found[step] = replace(found[step], sure=stepped and not (beyond.sure or back), refuted=stepped and back)
         refuted = (alone.refuted or beyond.refuted) and not sure
@@ -142,104 +138,6 @@ def best_explained(shifts: Mapping[str, Shift]) -> tuple[str, ...]:
     return tuple(name for name in sure if shifts[name].left_um2 <= DISTINCT * best)
 
 
-def _shift(
-    before: Sequence[RecordOffset],
-    later: Sequence[RecordOffset],
-    held: Sequence[RecordOffset],
-    at_rest: tuple[Sequence[RecordOffset], Sequence[RecordOffset]],
-    began_s: float | None,
-    unexplained_um: float,
-    tolerated_um: float | None,
-    *,
-    beyond_step: bool = False,
-) -> Shift:
-    """The shift of ``later`` records against those ``before``: a drift from ``began_s`` on, or a step where None.
-    ``tolerated_um``: scatter that records at rest may have about it; None is its own.
-
-    ``at_rest`` are the records at rest before and later, which must stand off as far, and must not move back where it
-    is a drift. ``beyond_step``: the drift beside a step of any size.
-    """
-    columns: list[Course] = [_stepped if began_s is None else _drifted(began_s), *([_stepped] if beyond_step else [])]
-    amounts, error, scatter, p = _fitted(before, later, columns)
-    again, _, _, p_again = _fitted(before, held, columns)
-    moved = [abs(amounts[0] * columns[0](r)) for r in later]
-    reach = max(moved) - (min(moved) if beyond_step else 0.0)
-    tolerated_um = scatter if tolerated_um is None else tolerated_um
-    seen_at_rest = _seen_at_rest(amounts, columns, at_rest, tolerated_um)
-    found_again = bool(p_again < ERROR_RATE and amounts[0] * again[0] > 0)
-    moved_surely = p < FOUND and found_again and reach > LEAST_SHIFT * max(scatter, unexplained_um)
-    sure = seen_at_rest and moved_surely
-    freedom = max(len(before) + len(later) - 1 - len(columns), 1)
-    half = float(t_distribution.isf(0.025, freedom)) * error + _aside(
-        amounts, columns, before, later, at_rest, tolerated_um
-    )
-    back = began_s is not None and _moves_back(amounts[0], at_rest)
-    upper = abs(amounts[0]) + half
-    if began_s is None and moved_surely and not seen_at_rest:
-        upper = max(upper, float(np.max(np.abs(_stood_off(at_rest)))) + 3 * scatter)
-    return Shift(
-        amounts[0], half, sure and not back, scatter**2 * freedom, p, refuted=sure and back,
-        not_at_rest=moved_surely and not seen_at_rest, upper=upper,
-    )  # fmt: skip
-
-
-def _seen_at_rest(
-    amounts: Sequence[float],
-    columns: Sequence[Course],
-    at_rest: tuple[Sequence[RecordOffset], Sequence[RecordOffset]],
-    scatter_um: float,
-) -> bool:
-    """Whether the later records at rest stand off as far as these amounts say."""
-    expected = _expected(amounts, columns, at_rest[1])
-    aside = np.abs(_stood_off(at_rest) - expected)
-    return bool(np.all(aside < np.hypot(AT_REST * expected, 3 * scatter_um)))
-
-
-def _expected(amounts: Sequence[float], columns: Sequence[Course], later: Sequence[RecordOffset]) -> Samples:
-    """By how much (n,) later records stand off by so much of each course."""
-    return np.array([sum(a * course(r) for a, course in zip(amounts, columns, strict=True)) for r in later])
-
-
-def _stood_off(at_rest: tuple[Sequence[RecordOffset], Sequence[RecordOffset]]) -> Samples:
-    """By how much (n,) the later records at rest stand off from those before."""
-    before, later = at_rest
-    return np.array([r.mean_um for r in later]) - float(np.mean([r.mean_um for r in before]))
-
-
-def _aside(
-    amounts: Sequence[float],
-    columns: Sequence[Course],
-    before: Sequence[RecordOffset],
-    later: Sequence[RecordOffset],
-    at_rest: tuple[Sequence[RecordOffset], Sequence[RecordOffset]],
-    scatter: float,
-) -> float:
-    """How far the amount that driven records show may be off, since they stand off from those at rest, beyond the
-    scatter of single records: what is missed of how the stage answers shifts all alike that are driven alike."""
-    was, now = at_rest
-    aside_um = float(np.mean(_stood_off(at_rest) - _expected(amounts, columns, now)))
-    error_um = scatter * math.sqrt(1 / len(now) + 1 / len(was))
-    all_later = np.concatenate([np.zeros(len(before)), np.ones(len(later))])
-    of_one_um, *_ = np.linalg.lstsq(_design(before, later, columns), all_later, rcond=None)
-    surely_apart = abs(aside_um) > TWO_SIDED_95 * error_um
-    if surely_apart:  # either may be right: as far as the interval of those at rest
-        off_um = abs(aside_um) + TWO_SIDED_95 * error_um
-    else:
-        off_um = math.sqrt(max(aside_um**2 - error_um**2, 0.0))
-    return off_um * abs(float(of_one_um[1]))
-
-
-def _moves_back(rate_um_per_s: float, at_rest: tuple[Sequence[RecordOffset], Sequence[RecordOffset]]) -> bool:
-    """Whether later records at rest move against a drift, as those before did not: what creeps back in every session is
-    no part of it."""
-    before, later = at_rest
-    rate = float(np.mean([r.rate_um_per_s for r in later]))
-    told = [r.rate_std_um_per_s for r in later] + [math.hypot(r.rate_um_per_s, r.rate_std_um_per_s) for r in before]
-    error = float(np.sqrt(np.mean(np.square(told))))
-    back = -rate if rate_um_per_s > 0 else rate
-    return back > 3 * error + AT_REST * abs(rate_um_per_s)
-
-
 def _stepped(record: RecordOffset) -> float:
     """What multiplies a step at a later record."""
     return 1.0
@@ -250,22 +148,114 @@ def _drifted(began_s: float) -> Course:
     return lambda record: record.t_s - began_s
 
 
-def _design(before: Sequence[RecordOffset], after: Sequence[RecordOffset], columns: Sequence[Course]) -> Samples:
-    """A column of ones and one for each course, (records, 1 + courses); before there is none of them."""
-    courses = [[0.0] * len(before) + [course(r) for r in after] for course in columns]
-    return np.stack([np.ones(len(before) + len(after)), *map(np.array, courses)], axis=1)
+@dataclass(frozen=True)
+class _Fit:
+    """Amounts of one course or two that driven records show. The error and the chance of as much are of the first."""
+
+    courses: Sequence[Course]
+    amounts: Sequence[float]
+    error: float
+    scatter_um: float
+    """Of the records about the fit."""
+    chance: float
+
+    def moved_um(self, record: RecordOffset) -> float:
+        """By how much a later record stands off."""
+        return sum(a * course(record) for a, course in zip(self.amounts, self.courses, strict=True))
 
 
-def _fitted(
-    before: Sequence[RecordOffset], after: Sequence[RecordOffset], columns: Sequence[Course]
-) -> tuple[list[float], float, float, float]:
-    """Amount of each course, and of the first its standard error, the scatter of the records about the fit, and the
-    probability of as much by chance."""
-    design = _design(before, after, columns)
-    y = np.array([r.mean_um for r in (*before, *after)])
-    amounts, *_ = np.linalg.lstsq(design, y, rcond=None)
-    freedom = max(len(y) - design.shape[1], 1)
-    scatter = float(np.sqrt(np.sum((y - design @ amounts) ** 2) / freedom))
-    error = scatter * float(np.sqrt(np.linalg.pinv(design.T @ design)[1, 1]))
-    p = 2 * float(t_distribution.sf(abs(amounts[1]) / max(error, 1e-15), freedom))
-    return amounts[1:].tolist(), error, scatter, p
+class _Sessions:
+    """The records of the reference session and those of the later one, driven ones and those at rest."""
+
+    def __init__(
+        self, reference: Sequence[RecordOffset], train: Sequence[RecordOffset], holdout: Sequence[RecordOffset]
+    ) -> None:
+        (self.before, self.rest_before), (self.learned, rest), (self.held, more) = (
+            ([r for r in part if not r.idle], [r for r in part if r.idle]) for part in (reference, train, holdout)
+        )
+        self.later, self.rest_later = [*self.learned, *self.held], [*rest, *more]
+
+    @property
+    def suffice(self) -> bool:
+        """Whether there are driven records enough, and records at rest of both sessions."""
+        enough = min(len(self.before), len(self.learned)) >= FEWEST
+        return enough and bool(self.held and self.rest_before and self.rest_later)
+
+    @property
+    def began_s(self) -> float:
+        """When a drift begins: at the last driven record of the reference session."""
+        return max(r.t_s for r in self.before)
+
+    def shift(self, courses: Sequence[Course], unexplained_um: float, allowed_um: float | None) -> Shift:
+        """The step or the drift of the later records that the first of the courses is, beside the second if there is
+        one. Records at rest must stand off as far, and must not move back where it is a drift; ``allowed_um``: scatter
+        that they may have about it, None for its own.
+        """
+        fit, again = self.fitted(courses, self.later), self.fitted(courses, self.held)
+        amount, drifts, beside = fit.amounts[0], courses[0] is not _stepped, len(courses) > 1
+        moved = [abs(amount * courses[0](r)) for r in self.later]
+        reach = max(moved) - (min(moved) if beside else 0.0)
+        allowed_um = fit.scatter_um if allowed_um is None else allowed_um
+        found_again = bool(again.chance < ERROR_RATE and amount * again.amounts[0] > 0)
+        moved_surely = fit.chance < FOUND and found_again and reach > LEAST_SHIFT * max(fit.scatter_um, unexplained_um)
+        seen_at_rest = self.seen_at_rest(fit, allowed_um)
+        sure, elsewhere = moved_surely and seen_at_rest, moved_surely and not seen_at_rest
+        freedom = max(len(self.before) + len(self.later) - 1 - len(courses), 1)
+        half = float(t_distribution.isf(0.025, freedom)) * fit.error + self._aside(fit, allowed_um)
+        upper = abs(amount) + half
+        if elsewhere and not drifts:
+            upper = max(upper, float(np.max(np.abs(self._stood_off()))) + 3 * fit.scatter_um)
+        back = drifts and self.moves_back(amount)
+        return Shift(
+            amount, half, sure and not back, fit.scatter_um**2 * freedom, fit.chance, refuted=sure and back,
+            not_at_rest=elsewhere, upper=upper,
+        )  # fmt: skip
+
+    def fitted(self, courses: Sequence[Course], after: Sequence[RecordOffset]) -> _Fit:
+        """How far the driven records ``after`` stand off from those before."""
+        design = self._design(courses, after)
+        y = np.array([r.mean_um for r in (*self.before, *after)])
+        amounts, *_ = np.linalg.lstsq(design, y, rcond=None)
+        freedom = max(len(y) - design.shape[1], 1)
+        scatter_um = float(np.sqrt(np.sum((y - design @ amounts) ** 2) / freedom))
+        error = scatter_um * float(np.sqrt(np.linalg.pinv(design.T @ design)[1, 1]))
+        chance = 2 * float(t_distribution.sf(abs(amounts[1]) / max(error, 1e-15), freedom))
+        return _Fit(courses, amounts[1:].tolist(), error, scatter_um, chance)
+
+    def _design(self, courses: Sequence[Course], after: Sequence[RecordOffset]) -> Samples:
+        """A column of ones and one for each course, (records, 1 + courses); before there is none of them."""
+        columns = [[0.0] * len(self.before) + [course(r) for r in after] for course in courses]
+        return np.stack([np.ones(len(self.before) + len(after)), *map(np.array, columns)], axis=1)
+
+    def _stood_off(self) -> Samples:
+        """By how much (n,) the later records at rest stand off from those before."""
+        return np.array([r.mean_um for r in self.rest_later]) - float(np.mean([r.mean_um for r in self.rest_before]))
+
+    def seen_at_rest(self, fit: _Fit, scatter_um: float) -> bool:
+        """Whether the later records at rest stand off as far as the driven ones say, within this scatter."""
+        expected = np.array([fit.moved_um(r) for r in self.rest_later])
+        aside = np.abs(self._stood_off() - expected)
+        return bool(np.all(aside < np.hypot(AT_REST * expected, 3 * scatter_um)))
+
+    def _aside(self, fit: _Fit, scatter_um: float) -> float:
+        """How far the amount that driven records show may be off, since they stand off from those at rest, beyond the
+        scatter of single records: what is missed of how the stage answers shifts all alike that are driven alike."""
+        aside_um = float(np.mean(self._stood_off() - [fit.moved_um(r) for r in self.rest_later]))
+        error_um = scatter_um * math.sqrt(1 / len(self.rest_later) + 1 / len(self.rest_before))
+        all_later = np.concatenate([np.zeros(len(self.before)), np.ones(len(self.later))])
+        of_one_um, *_ = np.linalg.lstsq(self._design(fit.courses, self.later), all_later, rcond=None)
+        if abs(aside_um) > TWO_SIDED_95 * error_um:  # either may be right: as far as the interval of those at rest
+            off_um = abs(aside_um) + TWO_SIDED_95 * error_um
+        else:
+            off_um = math.sqrt(max(aside_um**2 - error_um**2, 0.0))
+        return off_um * abs(float(of_one_um[1]))
+
+    def moves_back(self, rate_um_per_s: float) -> bool:
+        """Whether later records at rest move against a drift, as those before did not: what creeps back in every
+        session is no part of it."""
+        rate = float(np.mean([r.rate_um_per_s for r in self.rest_later]))
+        told = [r.rate_std_um_per_s for r in self.rest_later]
+        told += [math.hypot(r.rate_um_per_s, r.rate_std_um_per_s) for r in self.rest_before]
+        error = float(np.sqrt(np.mean(np.square(told))))
+        back = -rate if rate_um_per_s > 0 else rate
+        return back > 3 * error + AT_REST * abs(rate_um_per_s)

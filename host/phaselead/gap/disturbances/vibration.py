@@ -13,13 +13,15 @@ from numpy.typing import NDArray
 from scipy.signal import periodogram, welch
 from scipy.stats import f as f_distribution
 
-from phaselead.gap.disturbances.disturbance import NEW_FROM, Disturbance, Parts, Residuals
+from phaselead.gap.disturbances.disturbance import NEW_FROM, Disturbance, Residuals
 from phaselead.gap.disturbances.hum import is_mains
 from phaselead.gap.disturbances.peak import LEAST_DENSITY, fitted_peak
 from phaselead.gap.error_rates import ERROR_RATE
 from phaselead.model import Effect, catalogue
 from phaselead.record import Samples
 
+Parts = tuple[Residuals, Residuals, Residuals]
+"""Residuals of training, held-out and reference records."""
 Lines = NDArray[np.int64]
 """Numbers of lines of a spectrum, that of 0 Hz being 0."""
 
@@ -61,7 +63,8 @@ def find_vibration(name: str, train: Residuals, holdout: Residuals, reference: R
     if band is None:
         return None
     usual = np.broadcast_to(_usual(spectra, *band), spectra.f_Hz.shape)
-    excess = np.where(_within(band, spectra), np.maximum(spectra.seen - usual, 0.0), 0.0)
+    excess, inside = np.zeros_like(spectra.seen), slice(*band)
+    excess[inside] = np.maximum(spectra.seen[inside] - usual[inside], 0.0)
     if excess @ live < OFF_MAINS * excess.sum():
         return None
     return _vibration_found(
@@ -202,13 +205,7 @@ def _band_power(part: Residuals, lines: Lines, step_Hz: float) -> tuple[float, f
         inside = np.maximum(inside, LEAST_DENSITY)
         density.append(float(inside.mean()))
         freedom += 2 * float(inside.sum() ** 2 / (inside**2).sum())
-    return (float(np.mean(density)), freedom) if density else (0.0, 0.0)
-
-
-def _within(band: tuple[int, int], spectra: _Spectra) -> NDArray[np.bool_]:
-    """Which lines (k,) are in a band."""
-    lines = np.arange(len(spectra.f_Hz))
-    return (lines >= band[0]) & (lines < band[1])
+    return float(np.mean(density)), freedom
 
 
 def _vibration_found(

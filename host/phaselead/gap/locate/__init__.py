@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from phaselead.gap.locate.ranking import axis_cells, rank_cells
-from phaselead.gap.locate.sentences import excludes, explained, headline, three_digits, typical_of, unit_of
+from phaselead.gap.locate.sentences import excludes, explained, headline, typical_of, unit_of
 
 __all__ = [
     "axis_cells",
@@ -11,7 +11,6 @@ __all__ = [
     "explained",
     "headline",
     "rank_cells",
-    "three_digits",
     "typical_of",
     "unit_of",
 ]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -14,14 +14,14 @@ from phaselead.model import Complex
 from phaselead.quantity import digits
 from phaselead.record import Samples
 
-Mask = NDArray[np.bool_]
-
 BLOCKS_PER_RECORD = 24
 """Into which every record is cut."""
 LEVELS = 4
 """Voltage bands of equal width."""
 ORDERS = range(1, 8)
 """Harmonics of a sine that drives the record."""
+DECADES_s = tuple(10.0**exponent for exponent in range(-4, 4))
+"""Edges of the cells by time since a step."""
 STEP_SHARE = 0.05
 """A change of voltage between two rows, as a share of its span, that counts as a step."""
 FREQUENCY, AMPLITUDE, STEP, DIRECTION, HARMONIC, AXIS = (
@@ -87,61 +87,35 @@ class Cut:
 
 def cut(runs: Sequence[GapRun]) -> tuple[list[Cut], list[tuple[str, str]]]:
     """Every record cut, and the kind and name of each cell: additive cells first, then the harmonic orders."""
-    masks = _masks(runs)
+    driven = [r.u_V[r.rows] for r in runs if r.driven]
+    levels: list[float] = []
+    if driven:
+        low, high = min(float(u.min()) for u in driven), max(float(u.max()) for u in driven)
+        levels = np.linspace(low, high, LEVELS + 1).tolist()
     lengths = [(r.stop - r.start) // BLOCKS_PER_RECORD for r in runs]
     longest_s = max(length * r.step_s for length, r in zip(lengths, runs, strict=True))
     octaves = 2.0 ** np.arange(np.floor(np.log2(2 / longest_s)), np.ceil(np.log2(0.5 / runs[0].step_s)) + 1)
     cuts = []
     for length, run in zip(lengths, runs, strict=True):
-        inside = np.stack([of_run(run)[: BLOCKS_PER_RECORD * length] for _, _, of_run in masks])
-        of_cells = inside.reshape(len(masks), BLOCKS_PER_RECORD, length).astype(np.float32)
-        cuts.append(Cut(length, of_cells, octaves, run.step_s, _turn(run)))
-    names = [(FREQUENCY, f"{digits(a, 3)}..{digits(b, 3)} Hz") for a, b in [(0.0, octaves[1]), *_pairs(octaves)]]
-    names += [(by, name) for by, name, _ in masks] + [(HARMONIC, str(order)) for order in ORDERS]
-    return cuts, names
-
-
-def _pairs(octaves: Samples) -> list[tuple[float, float]]:
-    return [(float(a), float(b)) for a, b in pairwise(octaves[1:])]
-
-
-def _masks(runs: Sequence[GapRun]) -> list[tuple[str, str, Callable[[GapRun], Mask]]]:
-    """Kind, name and scored rows of the cells by direction, voltage and time since a step."""
-    found: list[tuple[str, str, Callable[[GapRun], Mask]]] = [
-        (DIRECTION, "rising", lambda r: _slope(r) > 0),
-        (DIRECTION, "falling", lambda r: _slope(r) < 0),
-        (DIRECTION, "still", lambda r: _slope(r) == 0),
+        inside = _inside(run, levels)[:, : BLOCKS_PER_RECORD * length].reshape(-1, BLOCKS_PER_RECORD, length)
+        turn = None if run.sine is None else np.asarray(2 * np.pi * run.sine.f_Hz * run.t_s[run.rows])
+        cuts.append(Cut(length, inside.astype(np.float32), octaves, run.step_s, turn))
+    return cuts, [
+        *((FREQUENCY, f"{digits(a, 3)}..{digits(b, 3)} Hz") for a, b in pairwise([0.0, *octaves[1:].tolist()])),
+        *((DIRECTION, name) for name in ("rising", "falling", "still")),
+        *((AMPLITUDE, f"{a:.3g}..{b:.3g} V") for a, b in pairwise(levels)),
+        *((STEP, f"{a:g}..{b:g} s") for a, b in pairwise(DECADES_s)),
+        *((HARMONIC, str(order)) for order in ORDERS),
     ]
-    driven = [r for r in runs if r.driven]
-    if driven:
-        low = min(float(r.u_V[r.rows].min()) for r in driven)
-        high = max(float(r.u_V[r.rows].max()) for r in driven)
-        for a, b in pairwise(np.linspace(low, high, LEVELS + 1).tolist()):
-            found.append((AMPLITUDE, f"{a:.3g}..{b:.3g} V", _between(a, b, b == high)))
-    for exponent in range(-4, 3):
-        a, b = 10.0**exponent, 10.0 ** (exponent + 1)
-        found.append((STEP, f"{a:g}..{b:g} s", _since(a, b)))
-    return found
 
 
-def _slope(run: GapRun) -> Samples:
-    return np.diff(run.u_V, prepend=run.u_V[0])[run.rows]
-
-
-def _between(a: float, b: float, last: bool) -> Callable[[GapRun], Mask]:
-    def cell(run: GapRun) -> Mask:
-        u = run.u_V[run.rows]
-        return np.asarray((u >= a) & ((u <= b) if last else (u < b)) & run.driven)
-
-    return cell
-
-
-def _since(a: float, b: float) -> Callable[[GapRun], Mask]:
-    def cell(run: GapRun) -> Mask:
-        since = since_step(run)
-        return np.asarray((since >= a) & (since < b))
-
-    return cell
+def _inside(run: GapRun, levels: Sequence[float]) -> NDArray[np.bool_]:
+    """Scored rows (cells, n) that lie in the cells by direction, voltage (edges: ``levels``) and time since a step."""
+    u, since = run.u_V[run.rows], _since_step(run)
+    slope = np.diff(run.u_V, prepend=run.u_V[0])[run.rows]
+    by_level = [(u >= a) & (u <= b if b == levels[-1] else u < b) & run.driven for a, b in pairwise(levels)]
+    by_time = [(since >= a) & (since < b) for a, b in pairwise(DECADES_s)]
+    return np.stack([slope > 0, slope < 0, slope == 0, *by_level, *by_time])
 
 
 def steps_of(run: GapRun) -> NDArray[np.intp]:
@@ -150,14 +124,10 @@ def steps_of(run: GapRun) -> NDArray[np.intp]:
     return np.flatnonzero(jumps)
 
 
-def since_step(run: GapRun) -> Samples:
+def _since_step(run: GapRun) -> Samples:
     """Seconds since the last jump of the voltage (n,) over the scored rows; infinite before the first."""
-    rows = np.arange(len(run.u_V))
+    rows, steps = np.arange(len(run.u_V)), steps_of(run)
     lasts = np.full(len(rows), -1)
-    lasts[steps_of(run)] = steps_of(run)
+    lasts[steps] = steps
     last = np.maximum.accumulate(lasts)
     return np.where(last >= 0, (rows - last + 1) * run.step_s, np.inf)[run.rows]
-
-
-def _turn(run: GapRun) -> Samples | None:
-    return None if run.sine is None else np.asarray(2 * np.pi * run.sine.f_Hz * run.t_s[run.rows])

@@ -9,7 +9,6 @@ from phaselead.gap.findings import Bound, Cell, NamedEffect
 from phaselead.gap.locate.cells import AMPLITUDE, AXIS, DIRECTION, FREQUENCY, HARMONIC, STEP
 from phaselead.gap.locate.steps import ALL
 from phaselead.model import catalogue
-from phaselead.quantity import digits
 
 HEADLINE_SHARE = 0.25
 """Of the unexplained power, from which a cell may be the headline."""
@@ -45,11 +44,6 @@ def sentence_of(by: str, cell: str, share: float) -> str:
 def unit_of(unit: str) -> str:
     """A unit as it is printed: empty for a plain number."""
     return "" if unit == "1" else unit
-
-
-def three_digits(value: float) -> str:
-    """A number with three digits that count."""
-    return digits(value, 3)
 
 
 def percent(share: float) -> str:

@@ -14,12 +14,12 @@ from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.fft import dct, next_fast_len
 
+from phaselead.gap.history import Stood, amounts_stood, before_record, with_stood
 from phaselead.gap.parameters import SizedEffect, fresh_columns, parameters_of
-from phaselead.gap.posterior.before import Stood, amounts_stood, before_record, with_stood
-from phaselead.gap.records import GapRun, roles_at_one_time
+from phaselead.gap.posterior.moments import Integers
+from phaselead.gap.records import GapRun, taken_at_once
 from phaselead.gap.residual import ModelledRun, base_entries
 from phaselead.record import Samples
 
@@ -36,9 +36,6 @@ FEWEST_LEVELS = 3
 OF_LEVEL = -99
 """In place of its octave, the block of a record's level."""
 
-Counts = NDArray[np.intp]
-"""Whole numbers, (k,)."""
-
 
 @dataclass(frozen=True)
 class Simulated:
@@ -50,7 +47,8 @@ class Simulated:
     tangents: int
     """p, of a reference record 0."""
     power: Samples
-    """(entries, blocks) mean power of what each effect adds to the others, of levels not about those of the session."""
+    """(entries, blocks) mean power of what each effect adds beside the others. A level counts as it is, not about the
+    mean of its session."""
     first: Samples
     """(entries,) first coefficient of the same, the level if that is one."""
     of_effects: tuple[int, ...]
@@ -101,22 +99,22 @@ class BlockedRun:
         return 1 if self.levelled else 0
 
     @cached_property
-    def _octave_edges(self) -> Counts:
+    def _octave_edges(self) -> Integers:
         """Frequencies, in half periods of the record, at which the octaves begin, and the number of rows."""
         return np.array([*(2**i for i in range(int(np.log2(self.rows - 1)) + 1)), self.rows], dtype=np.intp)
 
     @cached_property
-    def edges(self) -> Counts:
+    def edges(self) -> Integers:
         """Coefficients at which the blocks begin, and their number."""
         return np.array([0, *self._octave_edges]) if self.levelled else self._octave_edges - 1
 
     @cached_property
-    def sizes(self) -> Counts:
+    def sizes(self) -> Integers:
         """Coefficients (blocks,) of each octave."""
         return np.asarray(np.diff(self.edges))
 
     @cached_property
-    def octaves(self) -> Counts:
+    def octaves(self) -> Integers:
         """Octave (blocks,) above 1 Hz of each block, a whole number, or ``OF_LEVEL``."""
         edges = self._octave_edges
         middle_Hz = (edges[:-1] + edges[1:] - 1) / (4 * self.rows * self.modelled.run.step_s)
@@ -260,4 +258,4 @@ def blocked(runs: Sequence[ModelledRun]) -> list[BlockedRun]:
 def levels_say(runs: Sequence[GapRun]) -> bool:
     """Whether the levels of the driven ones of some runs say something."""
     told = sum(run.driven for run in runs if run.role == "reference") >= FEWEST_LEVELS
-    return told and not roles_at_one_time(runs)
+    return told and not taken_at_once(runs)

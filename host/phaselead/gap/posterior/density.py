@@ -4,13 +4,13 @@ In each block the residual's coefficients are normal of a variance
 
     v = noise + kappa^2 (base + share * before) + sum_j rho_j^2 signal_j
 
-with ``base`` what the base is expected to leave (``expected``), a share of its motion, ``before`` how what a set had
-done before a record moves it as a voltage, and ``signal_j`` the power of what effect j adds: no
-stage obeys an equation exactly, and what the equation of an effect misses is a share rho of it, one for all effects
-but never less than what is left by the best equations of a material. What the base misses differs from record to
-record, by kappa. Both are unknown and summed over. What a model misses is smooth, so that all coefficients of a block
-say it once, where noise says something new in each: a block counts as so many (``expected``). Where few told the
-variance, Student's t takes the place of the normal distribution.
+with ``base`` what the base is expected to leave, a share of its motion (``noise_and_base_share``), ``before`` how what
+a set had done before a record moves it as a voltage, and ``signal_j`` the power of what effect j adds: no stage obeys
+an equation exactly, and what the equation of an effect misses is a share rho of it, one for all effects but never less
+than what is left by the best equations of a material. What the base misses differs from record to record, by kappa.
+Both are unknown and summed over. What a model misses is smooth, so that all coefficients of a block say it once, where
+noise says something new in each: ``counted`` says as how many a block counts. Where few told the variance, Student's t
+takes the place of the normal distribution.
 """
 
 from __future__ import annotations
@@ -24,8 +24,7 @@ from scipy.special import gammaln, logsumexp, softmax
 
 from phaselead.gap.parameters import internal
 from phaselead.gap.posterior.blocks import OF_LEVEL, BlockedRun
-from phaselead.gap.posterior.expected import Expected
-from phaselead.gap.posterior.missed import (
+from phaselead.gap.posterior.equation_misfit import (
     TIMES_BASE,
     beside_one_another,
     log_prior_of_share,
@@ -34,6 +33,7 @@ from phaselead.gap.posterior.missed import (
     shares_of,
 )
 from phaselead.gap.posterior.moments import Amounts, Normal, together
+from phaselead.gap.posterior.noise_and_base_share import Expected
 from phaselead.gap.posterior.sets import Settled, Terms, has_history
 from phaselead.record import Samples
 
@@ -129,8 +129,9 @@ class Density:
         return Settled(together([one.amounts for one in parts]), power, variance)
 
     def _settled(self, terms: Terms, shares: Sequence[float], held_out: bool) -> Settled:
-        """The first step is taken as if they explained everything: from nothing it would begin by calling an outlier
-        what they explain. Where that ends at something less likely than nothing, it begins from nothing after all."""
+        """Iterated. The weights of the first step are those of a zero residual: from the real one, records that these
+        amounts would explain would first count as outliers. Where the end is less likely than no amounts at all, the
+        iteration starts again from the real residual."""
         none = terms.moments.integrated.none(len(shares))
         variance = self.variance(terms, shares)
         found = self._settled_from(np.zeros_like(variance[:, 0]), terms, variance, held_out)
@@ -209,7 +210,7 @@ class Density:
         return np.where(self._is_level, float(moves_zero), told_once)
 
     def likeliest_share(self, terms: Terms, near: float | None = None) -> tuple[float, float]:
-        """The most likely share, after the log density there: of all, or by steps from that of a set like it."""
+        """The most likely share and the log density there: of all, or by steps from that of a set like it."""
         grid = shares_of(terms.entries)
         found = self._log_joints(terms, grid if near is None else [near])
         while near is not None:
@@ -219,7 +220,7 @@ class Density:
             )
             if max(found, key=lambda one: found[one]) == best:
                 break
-        return max((density, one) for one, density in found.items())
+        return max(found.items(), key=lambda one: (one[1], one[0]))
 
     def _log_joints(self, terms: Terms, shares: Sequence[float]) -> dict[float, float]:
         """Log density of the records, of all parameters and of the share, under each of these."""

@@ -16,11 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phaselead.gap.error_rates import SURE
-from phaselead.gap.parameters import SizedEffect, bounded
+from phaselead.gap.parameters import SizedEffect
 from phaselead.gap.posterior.blocks import BlockedRun
+from phaselead.gap.posterior.equation_misfit import SHARES, is_of_material, may_be_missed_um2, missed_um2
 from phaselead.gap.posterior.levels import with_levels_about_their_sessions
 from phaselead.gap.posterior.likelihood import Likelihood
-from phaselead.gap.posterior.missed import SHARES, is_of_material, may_be_missed_um2, missed_um2
 from phaselead.gap.posterior.priors import LARGEST, prior_of
 from phaselead.gap.posterior.sets import confused
 from phaselead.gap.posterior.shapes import Added, Products, Shapes
@@ -78,9 +78,12 @@ class _Expected:
 
     @staticmethod
     def _told(needed: Callable[[float], float], times: float, least: float) -> float:
-        """The multiple, ``least`` or more, at which an effect is told that is simulated at that multiple, from what is
-        ``needed`` with one simulated at any: not in proportion where it sets in at a threshold, or differs from a
-        rival by its square. Infinite only where one of ``MOST_STATED`` typical sizes, or more, is told at none."""
+        """The smallest multiple, ``least`` or more, at which the effect is told when it is simulated at that very one.
+
+        ``needed`` says from one simulation which multiple is told, as if the effect grew in proportion from there. That
+        fails where it sets in at a threshold, or differs from a rival by its square. So it is simulated again until
+        both are within ``NEAR_ENOUGH``, in ``ROUNDS`` at most. Infinite only where simulations at ``MOST_STATED``
+        typical sizes or more show nothing."""
         low, high, found = least, np.inf, np.inf
         for _ in range(ROUNDS):
             found = max(least, needed(times)) if np.isfinite(times) else times
@@ -98,8 +101,7 @@ class _Expected:
 
     def _entry(self, group: RegressorGroup, times: float) -> SizedEffect:
         """So many times the first typical size of a group alone."""
-        params = group.params([times, *np.zeros(len(group.steps) - 1).tolist()])
-        return group.effect, bounded(group.effect, params)
+        return group.entry(group.alone(0, times))
 
     def _mine(self, times: float) -> Added:
         """What so many times the first typical size adds, for one typical size; of the last size it is kept."""

@@ -8,8 +8,8 @@ import numpy as np
 
 from phaselead.gap.parameters import SizedEffect
 from phaselead.gap.posterior.blocks import BlockedRun
+from phaselead.gap.posterior.equation_misfit import is_of_material, may_be_missed_um2, missed_um2
 from phaselead.gap.posterior.likelihood import Likelihood
-from phaselead.gap.posterior.missed import is_of_material, may_be_missed_um2, missed_um2
 from phaselead.gap.posterior.sets import Fit
 from phaselead.gap.residual import ModelledRun
 from phaselead.record import Samples

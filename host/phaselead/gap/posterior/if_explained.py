@@ -7,68 +7,39 @@ bring is worked out in full: the density of what is left with them, under the li
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from phaselead.gap.parameters import SizedEffect
-from phaselead.gap.posterior.beside import Beside, Columns, Histories, Residual
-from phaselead.gap.posterior.likeliest import Likeliest, likeliest_amounts
+from phaselead.gap.posterior.equation_misfit import is_of_material, log_prior_of_share, shares_of
+from phaselead.gap.posterior.first_order import Beside, Histories, Residual
+from phaselead.gap.posterior.likeliest import Start, likeliest_amounts
 from phaselead.gap.posterior.likelihood import Likelihood
-from phaselead.gap.posterior.missed import is_of_material, log_prior_of_share, shares_of
 from phaselead.gap.posterior.priors import LARGEST
-from phaselead.gap.posterior.sets import Fit, Terms, goes_on_between_records, has_history
+from phaselead.gap.posterior.sets import Fit, Terms, goes_on_between_records
 from phaselead.gap.posterior.shapes import Shapes
-from phaselead.gap.regressors import RegressorGroup
 from phaselead.record import Samples
 
 
-class IfExplained:
-    """Of the shapes of a catalogue, but for modes, which are looked for by frequency."""
-
-    def __init__(self, shapes: Shapes, histories: Histories) -> None:
-        each = list(enumerate(shapes.groups))
-        one_by_one = [i for i, group in each if group.effect.peak is None]
-        lasting = [i for i in one_by_one if goes_on_between_records(shapes.groups[i].effect)]
-        others = [i for i in one_by_one if i not in lasting]
-        self._parts = [_Part.of(shapes, histories, chosen) for chosen in (lasting, others) if chosen]
-
-    def of(self, likelihood: Likelihood, fit: Fit) -> list[Likeliest]:
-        """For every effect that is not in a set its best shape, where what it had done before the records goes on and
-        where it is over."""
-        return [one for part in self._parts for one in part.beside(likelihood, fit)]
-
-
 @dataclass(frozen=True)
-class _Part:
-    """Groups of which all are told by levels, or none."""
+class Part:
+    """Shapes of effects of which all are told by levels, or none."""
 
-    groups: Sequence[RegressorGroup]
-    columns: Columns
+    shapes: Shapes
     histories: Histories
 
-    @classmethod
-    def of(cls, shapes: Shapes, histories: Histories, chosen: Sequence[int]) -> _Part:
-        """Some of the groups."""
-        ends = np.cumsum([0, *(len(group.steps) for group in shapes.groups)])
-        columns = np.concatenate([np.arange(ends[i], ends[i + 1]) for i in chosen])
-        return cls(
-            [shapes.groups[i] for i in chosen],
-            [of_run[:, columns] for of_run in shapes.columns],
-            Histories([[of_run[i] for i in chosen] for of_run in histories.of_runs]),
-        )
-
-    def beside(self, likelihood: Likelihood, fit: Fit) -> list[Likeliest]:
-        """The best shape of each effect."""
+    def beside(self, likelihood: Likelihood, fit: Fit) -> list[Start]:
+        """For every effect that is not in a set its best shape, where what it had done before the records goes on and
+        where it is over."""
         terms = fit.terms
-        if has_history([(group.effect, {}) for group in self.groups]):
+        if any(goes_on_between_records(group.effect) for group in self.shapes.groups):
             terms = replace(terms, levels_say=False, settled={})
         variance = likelihood.variance(terms, shares_of(fit.entries)[:1])
         weights = likelihood.weights(np.zeros_like(variance[:, 0]), variance)[0]
-        beside = Beside(likelihood, terms, weights, self.groups, self.columns, self.histories)
-        best: dict[tuple[str, int], tuple[int, Likeliest]] = {}
-        for which, group in enumerate(self.groups):
+        beside = Beside(likelihood, terms, weights, self.shapes, self.histories)
+        best: dict[tuple[str, int], tuple[int, Start]] = {}
+        for which, group in enumerate(self.shapes.groups):
             if group.effect.name in fit.names:
                 continue
             for i, one in enumerate(likeliest_amounts(group, *beside.slope_and_curvature(which))):
@@ -78,7 +49,7 @@ class _Part:
         # The set may move without them as well.
         alone = beside.residual_with(0, np.zeros(len(beside.slope_and_curvature(0)[0])))
         none = max(
-            likelihood.likeliest_share(terms, fit.share)[0] - terms.prior.log_density,
+            likelihood.likeliest_share(terms, fit.share)[1] - terms.prior.log_density,
             _log_density_with(likelihood, terms, alone, fit.entries),
         )
         found = []
@@ -87,6 +58,16 @@ class _Part:
             log_density = _log_density_with(likelihood, terms, left, (*fit.entries, one.entry))
             found.append(replace(one, gain=log_density + one.log_volume + _log_prior_of_sizes(one.entry) - none))
         return found
+
+
+def parts_of(shapes: Shapes, histories: Histories) -> list[Part]:
+    """Shapes of effects that go on between records, and of the others, without modes: these are looked for by
+    frequency."""
+    one_by_one = [i for i, group in enumerate(shapes.groups) if group.effect.peak is None]
+    lasting = [i for i in one_by_one if goes_on_between_records(shapes.groups[i].effect)]
+    others = [i for i in one_by_one if i not in lasting]
+    each = [chosen for chosen in (lasting, others) if chosen]
+    return [Part(shapes.some(i), Histories([[had[j] for j in i] for had in histories.of_runs])) for i in each]
 
 
 def _log_density_with(likelihood: Likelihood, terms: Terms, left: Residual, entries: tuple[SizedEffect, ...]) -> float:

@@ -6,13 +6,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import chi2
 
-from phaselead.gap.error_rates import INSIDE, TWO_SIDED_95
+from phaselead.gap.error_rates import SURE, TWO_SIDED_95
 from phaselead.gap.findings import Estimate, Posterior
 from phaselead.gap.parameters import AT_END, SizedEffect, from_internal, internal, is_logarithmic, parameters_of
-from phaselead.gap.posterior.likelihood import Likelihood
+from phaselead.gap.posterior.contest import likelihood_of
+from phaselead.gap.posterior.moments import Integers
+from phaselead.gap.posterior.sets import Fit
+from phaselead.gap.residual import ModelledRun
 from phaselead.record import Samples
 
 NUDGE = 1e-4
@@ -48,9 +50,7 @@ def intervals(
     return found
 
 
-def _sizes_at_their_shapes(
-    entries: Sequence[SizedEffect], covariance: Samples
-) -> list[tuple[NDArray[np.intp], Samples]]:
+def _sizes_at_their_shapes(entries: Sequence[SizedEffect], covariance: Samples) -> list[tuple[Integers, Samples]]:
     """Of each effect which parameters are sizes, (sizes,), and their covariance (sizes, sizes) in internal units at its
     shapes as they are."""
     of, found = parameters_of(entries), []
@@ -78,32 +78,59 @@ def posteriors(entries: Sequence[SizedEffect], covariance: Samples) -> list[Post
     ]
 
 
-def intervals_alone(likelihood: Likelihood, entries: Sequence[SizedEffect]) -> list[dict[str, Estimate]]:
-    """``intervals`` of effects that were fitted outside a contest."""
-    return intervals(entries, likelihood.fit(entries, steps=0).covariance)
+def intervals_alone(runs: Sequence[ModelledRun], entry: SizedEffect) -> dict[str, Estimate]:
+    """``intervals`` of one effect that was fitted to some runs outside a contest."""
+    return intervals([entry], likelihood_of(runs).fit([entry], steps=0).covariance)[0]
 
 
 def shows_itself(
     entries: Sequence[SizedEffect], covariance: Samples, chosen: Sequence[SizedEffect] | None = None
 ) -> list[bool]:
-    """For each effect, with the same arguments as ``intervals``, whether the region of 95 % of the sizes by which it
-    bears its name does not hold 0; an effect without sizes shows itself.
+    """For each effect, with the same arguments as ``intervals``, whether the sizes by which it bears its name are as
+    surely not 0 as a name has to be; an effect without sizes shows itself.
 
     Of several sizes each may be 0 where all of them cannot: records that tell a bow from an S badly may tell both from
     a straight line. So they are asked together, at the shapes that were found. As far as two ways to weigh the records
-    differ the region may be off to either side. Of one size it is its interval."""
-    at, middle = internal(entries if chosen is None else chosen), internal(entries)
+    differ, they may be off to either side."""
+    sized = _sizes_at_their_shapes(entries, covariance)
+    return _shown(entries, sized, internal(entries if chosen is None else chosen), internal(entries))
+
+
+def _shown(
+    entries: Sequence[SizedEffect], sized: Sequence[tuple[Integers, Samples]], at: Samples, middle: Samples
+) -> list[bool]:
+    """``shows_itself`` for parameters ``at`` in internal units, whose covariances are about ``middle``."""
     of, found = parameters_of(entries), []
-    for sizes, variances in _sizes_at_their_shapes(entries, covariance):
-        bearing = np.array([not of[k][1].nameless for k in sizes], dtype=bool)
+    for sizes, variances in sized:
+        bearing = np.array([not of[k][1].by_itself for k in sizes], dtype=bool)
         names, among = sizes[bearing], variances[np.ix_(bearing, bearing)]
-        if not len(names) or np.linalg.eigvalsh(among).min() <= 0:
-            found.append(not len(names))
-            continue
-        value, off = at[names], (at - middle)[names]
-        towards, along = np.linalg.solve(among, off), 0.0
-        if off @ towards > 0:
-            along = float(np.clip(value @ towards / (off @ towards), -1.0, 1.0))
-        nearest = value - along * off
-        found.append(float(nearest @ np.linalg.solve(among, nearest)) > float(chi2.ppf(INSIDE, len(names))))
+        found.append(not len(names) or _are_there(at[names], (at - middle)[names], among))
     return found
+
+
+def names_borne(fit: Fit) -> frozenset[str]:
+    """The names of a set of effects. One that does not show itself, but surely has a size that is another effect by
+    itself, bears that one's name: a loop that does not open and yet takes travel off is a change of gain."""
+    entries, of, found = fit.entries, parameters_of(fit.entries), list[str]()
+    if not any(p.by_itself for _, p in of):
+        return frozenset(fit.names)
+    at, sized = internal(entries), _sizes_at_their_shapes(entries, fit.covariance)
+    for (effect, _), shown, (sizes, variances) in zip(entries, _shown(entries, sized, at, at), sized, strict=True):
+        others = {
+            of[k][1].by_itself
+            for k, variance in zip(sizes, np.diag(variances), strict=True)
+            if of[k][1].by_itself and _are_there(at[[k]], np.zeros(1), np.array([[variance]]))
+        }
+        found += [effect.name] if shown or not others else sorted(others)
+    return frozenset(found)
+
+
+def _are_there(value: Samples, off: Samples, covariance: Samples) -> bool:
+    """Whether the region that surely holds some sizes (k,), off by as much to either side, does not hold 0."""
+    if np.linalg.eigvalsh(covariance).min() <= 0:
+        return False
+    towards, along = np.linalg.solve(covariance, off), 0.0
+    if off @ towards > 0:
+        along = float(np.clip(value @ towards / (off @ towards), -1.0, 1.0))
+    nearest = value - along * off
+    return float(nearest @ np.linalg.solve(covariance, nearest)) > float(chi2.ppf(SURE, len(value)))

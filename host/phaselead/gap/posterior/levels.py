@@ -42,8 +42,3 @@ def zeros_of_sessions(runs: Sequence[BlockedRun]) -> list[Samples]:
             zeros[0, sessions.index(run.modelled.run.role)] = farthest_um
         found.append(zeros)
     return found
-
-
-def in_no_session(sessions: int, run: BlockedRun) -> Samples:
-    """Coefficients (n, sessions) of the zeros of so many sessions in a run that belongs to none of them."""
-    return np.zeros((run.edges[-1], sessions))

@@ -6,29 +6,30 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from phaselead.gap.parameters import SizedEffect, bounded
+from phaselead.gap.parameters import SizedEffect
 from phaselead.gap.posterior.priors import LARGEST
 from phaselead.gap.regressors import RegressorGroup, typical_sizes
 from phaselead.record import Samples
 
 APART = 2.0
-"""Ratio of a size to that at which it was simulated, up to which another of ``SIZES`` is no nearer."""
+"""Within this factor of the size that was simulated, a start counts as simulated at its own size: ``SIZES`` are factors
+of 2.5 to 4 apart."""
 LEAST_POWER = 1e-6
 """Precision of a size, in squares of a typical one, below which the records say nothing of it."""
 TAIL_STEPS = 5
 """In which the most likely amount in the tails of the prior is found."""
 
 
-@dataclass(frozen=True)
-class Likeliest:
-    """The likeliest amounts of the columns of a group."""
+@dataclass(frozen=True, eq=False)
+class Start:
+    """An effect at a shape, with the amounts of its columns that are the likeliest: where a fit may begin."""
 
     entry: SizedEffect
     """The effect at these sizes, within its range."""
     amounts: Samples
     """(sizes and histories,)"""
     gain: float
-    """Log units that they bring."""
+    """Log units that it is expected to bring."""
     log_volume: float
     """The part of that for which the width of the amounts of histories stands; 0 where they are over."""
     of_size: bool
@@ -39,22 +40,31 @@ class Likeliest:
 
 def likeliest_amounts(
     group: RegressorGroup, slope: Samples, curvature: Samples, with_tails: bool = True
-) -> list[Likeliest]:
+) -> list[Start]:
     """The likeliest where what the effect had done before the records is over in all of them, and behind that, if there
     is anything, where it goes on in all of them. ``slope`` and ``curvature`` of the log density are over the sizes and
     the histories; ``with_tails``: sizes that are linear may be far out in the tails of their prior."""
     sizes, unit = len(group.steps), in_typical_sizes(group)
     far_out = with_tails and group.effect.basis is not None
-    amounts, gain = _likeliest(slope[:sizes], curvature[:sizes, :sizes], unit, far_out)
-    entry, amounts, gain = _within_range(group, slope[:sizes], curvature[:sizes, :sizes], amounts, gain)
+
+    def best(slope: Samples, curvature: Samples) -> tuple[SizedEffect, Samples, float]:
+        amounts, gain = _likeliest(slope, curvature, unit, far_out)
+        return _within_range(group, slope, curvature, amounts, gain)
+
+    entry, amounts, gain = best(slope[:sizes], curvature[:sizes, :sizes])
     over = np.append(amounts, np.zeros(len(slope) - sizes))
-    found = [Likeliest(entry, over, gain, 0.0, _of_size(group, amounts), True)]
+    found = [Start(entry, over, gain, 0.0, _of_size(group, amounts), True)]
     if len(slope) > sizes:
-        alone = _SizesAlone.of(slope, curvature, sizes)
-        amounts, gain = _likeliest(alone.slope, alone.curvature, unit, far_out)
-        entry, amounts, gain = _within_range(group, alone.slope, alone.curvature, amounts, gain)
-        going_on = np.append(amounts, alone.histories(amounts))
-        found.append(Likeliest(entry, going_on, gain + alone.gain, alone.log_volume, _of_size(group, amounts), False))
+        # What is told of the sizes where the amounts of histories, of a prior deviation of 1, are integrated out.
+        precision = curvature[sizes:, sizes:] + np.eye(len(slope) - sizes)
+        right = np.column_stack([slope[sizes:], curvature[sizes:, :sizes]])
+        across: Samples = np.asarray(np.linalg.solve(precision, right), dtype=np.float64)
+        log_volume = -0.5 * float(np.linalg.slogdet(precision)[1])
+        left = curvature[:sizes, sizes:] @ across
+        entry, amounts, gain = best(slope[:sizes] - left[:, 0], curvature[:sizes, :sizes] - left[:, 1:])
+        gain += 0.5 * float(slope[sizes:] @ across[:, 0]) + log_volume
+        going_on = np.append(amounts, across[:, 0] - across[:, 1:] @ amounts)
+        found.append(Start(entry, going_on, gain, log_volume, _of_size(group, amounts), False))
     return found
 
 
@@ -63,9 +73,8 @@ def _within_range(
 ) -> tuple[SizedEffect, Samples, float]:
     """The effect with amounts (sizes,) that its range allows, these amounts, and what they bring: a rail that would be
     pushed outwards brings nothing."""
-    effect = group.effect
-    entry = effect, bounded(effect, group.params(amounts.tolist()))
-    within = np.array([entry[1][p.name] for p in effect.sizes]) / group.steps
+    entry = group.entry(amounts.tolist())
+    within = np.array([entry[1][p.name] for p in group.effect.sizes]) / group.steps
     if np.allclose(within, amounts):
         return entry, amounts, gain
     return entry, within, min(gain, float(slope @ within - 0.5 * within @ curvature @ within))
@@ -73,39 +82,6 @@ def _within_range(
 
 def _of_size(group: RegressorGroup, amounts: Samples) -> bool:
     return group.effect.basis is not None or bool(1 / APART <= np.abs(amounts).max() <= APART)
-
-
-@dataclass(frozen=True)
-class _SizesAlone:
-    """What is told of sizes where the amounts of histories, of a prior deviation of 1, are integrated out."""
-
-    slope: Samples
-    """(sizes,)"""
-    curvature: Samples
-    """(sizes, sizes)"""
-    gain: float
-    """Log units that the amounts bring by themselves."""
-    log_volume: float
-    by_themselves: Samples
-    """(h,) amounts, and by how much they change with the sizes, (h, sizes)."""
-    with_sizes: Samples
-
-    @classmethod
-    def of(cls, slope: Samples, curvature: Samples, sizes: int) -> _SizesAlone:
-        """From slope and curvature over the sizes and what is behind them."""
-        precision = curvature[sizes:, sizes:] + np.eye(len(slope) - sizes)
-        right = np.column_stack([slope[sizes:], curvature[sizes:, :sizes]])
-        across: Samples = np.asarray(np.linalg.solve(precision, right), dtype=np.float64)
-        log_volume = -0.5 * float(np.linalg.slogdet(precision)[1])
-        left = curvature[:sizes, sizes:] @ across
-        return cls(
-            slope[:sizes] - left[:, 0], curvature[:sizes, :sizes] - left[:, 1:],
-            0.5 * float(slope[sizes:] @ across[:, 0]) + log_volume, log_volume, across[:, 0], across[:, 1:],
-        )  # fmt: skip
-
-    def histories(self, sizes: Samples) -> Samples:
-        """(h,) where the sizes are these."""
-        return np.asarray(self.by_themselves - self.with_sizes @ sizes)
 
 
 def _likeliest(slope: Samples, curvature: Samples, unit: float, far_out: bool) -> tuple[Samples, float]:

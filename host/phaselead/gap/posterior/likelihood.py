@@ -1,6 +1,7 @@
 """Sets of effects beside one base: what each does in the records, how well it is fitted, and its evidence.
 
-How likely records are in which a set leaves so much is in ``density``, what all sets may miss alike in ``may_miss``.
+How likely records are in which a set leaves so much is in ``density``, and in ``shared_misfit`` what all sets may miss
+alike.
 """
 
 from __future__ import annotations
@@ -11,16 +12,16 @@ from itertools import pairwise
 
 import numpy as np
 
+from phaselead.gap.history import SMALL_AMOUNT, STANDING, Stood, amounts_stood, stands_off, stood_of
 from phaselead.gap.parameters import SizedEffect, entries_at, internal, is_logarithmic, parameters_of
-from phaselead.gap.posterior.before import SMALL_AMOUNT, STANDING, Stood, amounts_stood, stands_off, stood_of
 from phaselead.gap.posterior.blocks import Simulated
 from phaselead.gap.posterior.density import ANYWHERE_UM2, LEAST_GAIN, SETTLED
+from phaselead.gap.posterior.equation_misfit import MOST_MISSED, is_of_material, log_prior_of_share, shares_of
 from phaselead.gap.posterior.levels import about_their_sessions, with_levels_about_their_sessions
-from phaselead.gap.posterior.may_miss import MayMiss
-from phaselead.gap.posterior.missed import MOST_MISSED, is_of_material, log_prior_of_share, shares_of
 from phaselead.gap.posterior.moments import Moments
 from phaselead.gap.posterior.priors import Prior, prior_of
 from phaselead.gap.posterior.sets import Begun, Fit, Terms
+from phaselead.gap.posterior.shared_misfit import MayMiss
 from phaselead.gap.posterior.still_moving import likeliest_moving, log_sum_over_records
 from phaselead.record import Samples
 
@@ -120,7 +121,7 @@ class Likelihood(MayMiss):
     ) -> Fit:
         """The most likely parameters near those of ``start``, which may be terms of this likelihood; ``least_gain`` in
         log units ends the search for them."""
-        begun = start if isinstance(start, Terms) else self._begun(start)
+        begun = self._begun(start)
         moving = begun.moments.moving
         if not moving.size:
             return self.judged(*self.fitted_terms(begun, steps, least_gain=least_gain)[:2])
@@ -148,8 +149,8 @@ class Likelihood(MayMiss):
     ) -> tuple[Terms, float, float]:
         """A set at its most likely parameters near those of ``start``, the share there and the log density.
         ``rounds``: in which what had stood off is found beside itself, at most."""
-        terms = start if isinstance(start, Terms) else self._begun(start)
-        terms, best, share = self._beside_what_stood(terms, *self.likeliest_share(terms), rounds)
+        terms = self._begun(start)
+        terms, share, best = self._beside_what_stood(terms, *self.likeliest_share(terms), rounds)
         damping = 1e-3
         for _ in range(steps if terms.entries else 0):
             information, slope = self.information(terms, [share])
@@ -161,7 +162,7 @@ class Likelihood(MayMiss):
                 near = self._near(terms, _moved(terms.entries, step.common[0, :, 0]))
                 gained = self._log_joints(near, [share])[share] - best
                 if gained > 0:
-                    terms, best, share = self._stepped(near, best, share)
+                    terms, share, best = self._stepped(near, share, best)
                     damping = max(damping / 5, 1e-6)
                     break
                 damping = max(damping, 1e-3) * 10
@@ -169,29 +170,31 @@ class Likelihood(MayMiss):
                 break
         return terms, share, best
 
-    def _begun(self, start: Sequence[SizedEffect] | Begun) -> Terms:
+    def _begun(self, start: Sequence[SizedEffect] | Begun | Terms) -> Terms:
+        if isinstance(start, Terms):
+            return start
         begun = start if isinstance(start, Begun) else Begun(start)
         terms = self.terms(begun.entries, begun.moving, begun.stood)
         if not begun.last_is_over:
             return terms
         return terms.where_moving(terms.moments.moving * (terms.of_columns != len(begun.entries) - 1))
 
-    def _stepped(self, near: Terms, best: float, share: float) -> tuple[Terms, float, float]:
-        """The set at the parameters of ``near``, beside what most likely had stood off then, the log density and the
-        share; beside what had stood off before the step where that loses what the step gained."""
+    def _stepped(self, near: Terms, share: float, best: float) -> tuple[Terms, float, float]:
+        """The set at the parameters of ``near``, beside what most likely had stood off then, the share and the log
+        density; beside what had stood off before the step where that loses what the step gained."""
         stood, _ = self._likeliest_stood(near, share)
         way = []
         for one in (stood, near.stood):
             terms = self.terms(near.entries, near.moments.moving, one)
             way.append((terms, *self.likeliest_share(terms, share)))
-            if way[-1][1] > best or one is near.stood:
+            if way[-1][2] > best or one is near.stood:
                 break
-        return max(way, key=lambda one: one[1])
+        return max(way, key=lambda one: one[2])
 
     def _likeliest_stood(self, terms: Terms, share: float) -> tuple[tuple[Stood, ...], float]:
-        """By run what most likely had stood off as a voltage, where it is linear, and by how much at most that differs
-        from what it is linear beside, in prior deviations. It is found as if it explained the records: one that is
-        explained in part is an outlier."""
+        """For each run the voltages that most likely had stood off before it, by one linear step from the present
+        guess, and the largest change of that guess in prior deviations: none below ``SETTLED``. The weights are those
+        of records that are explained in full: one explained in part would count as an outlier."""
         if not any(stands_off(effect) for effect, _ in terms.entries):
             return terms.stood, 0.0
         amounts = self.explaining(terms, share).before[0, :, :, 0]
@@ -202,21 +205,21 @@ class Likelihood(MayMiss):
         farthest = float(np.abs(np.concatenate(moved)).max(initial=0.0))
         return (terms.stood, 0.0) if farthest < SETTLED else (stood, farthest)
 
-    def _beside_what_stood(self, terms: Terms, best: float, share: float, rounds: int) -> tuple[Terms, float, float]:
-        """The set beside what most likely had stood off before each record as a voltage, the log density then and the
-        share: much of it does not do in proportion what a little does. Where it does not settle, the likeliest on the
+    def _beside_what_stood(self, terms: Terms, share: float, best: float, rounds: int) -> tuple[Terms, float, float]:
+        """The set beside what most likely had stood off before each record as a voltage, the share and the log density
+        then: much of it does not do in proportion what a little does. Where it does not settle, the likeliest on the
         way counts."""
-        way = [(terms, best, share)]
+        way = [(terms, share, best)]
         for _ in range(rounds):
             stood, farthest = self._likeliest_stood(terms, share)
             if stood is terms.stood:
                 return way[-1]
             terms = self.terms(terms.entries, terms.moments.moving, stood)
-            best, share = self.likeliest_share(terms, share)
-            way.append((terms, best, share))
+            share, best = self.likeliest_share(terms, share)
+            way.append((terms, share, best))
             if farthest < SMALL_AMOUNT:  # so little more does in proportion what it does
                 return way[-1]
-        return max(way, key=lambda one: one[1])
+        return max(way, key=lambda one: one[2])
 
     def judged(self, terms: Terms, share: float) -> Fit:
         """Evidence and covariance of a set at its most likely parameters."""

@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 
 from phaselead.record import Samples
 
-Index = NDArray[np.intp]
-"""Positions, (k,)."""
+Integers = NDArray[np.intp]
+"""Places, counts or octaves, (k,)."""
 
 
 @dataclass(frozen=True)
@@ -35,12 +35,12 @@ class Amounts:
     def __sub__(self, other: Amounts) -> Amounts:
         return Amounts(self.common - other.common, self.before - other.before)
 
-    def __getitem__(self, which: int | Index) -> Amounts:
+    def __getitem__(self, which: int | Integers) -> Amounts:
         """Some of the s."""
         rows = np.atleast_1d(which)
         return Amounts(self.common[rows], self.before[rows])
 
-    def put(self, which: Index, amounts: Amounts) -> None:
+    def put(self, which: Integers, amounts: Amounts) -> None:
         """Set some of the s."""
         self.common[which], self.before[which] = amounts.common, amounts.before
 

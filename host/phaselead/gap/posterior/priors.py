@@ -34,7 +34,7 @@ class Prior:
 
     log_density: float
     precision: Samples
-    """(parameters,) in internal units, as ``refit`` has them."""
+    """(parameters,) in internal units, as ``internal`` gives them."""
     centre: Samples
     """(parameters,)"""
 

@@ -6,11 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from phaselead.gap.history import Stood
 from phaselead.gap.parameters import SizedEffect
-from phaselead.gap.posterior.before import Stood
-from phaselead.gap.posterior.moments import Amounts, Moments
+from phaselead.gap.posterior.moments import Amounts, Integers, Moments
 from phaselead.gap.posterior.priors import Prior
 from phaselead.model import Effect
 from phaselead.record import Samples
@@ -81,7 +80,7 @@ class Terms:
     """Where what is integrated out settles, by share and whether held-out records counted, once found."""
 
     @property
-    def of_columns(self) -> NDArray[np.intp]:
+    def of_columns(self) -> Integers:
         """(b,) The entry that each column before is of, in a record that has such columns."""
         return np.array(max(self.of_effects, key=len), dtype=np.intp)
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phaselead.gap.posterior.likelihood import Likelihood
+from phaselead.gap.posterior.moments import Integers
 from phaselead.gap.regressors import RegressorGroup, typical_sizes
 from phaselead.record import Samples
 
@@ -29,10 +30,20 @@ class Shapes:
         named = [(i, group) for i, group in enumerate(self.groups) if group.effect.name == name]
         return [i for i, group in named if group.steps == typical_sizes(group.effect)]
 
+    def some(self, indices: Sequence[int]) -> Shapes:
+        """Some of the groups."""
+        begin = self._begin
+        columns = np.concatenate([np.arange(begin[i], begin[i + 1]) for i in indices])
+        return Shapes([self.groups[i] for i in indices], [of_run[:, columns] for of_run in self.columns])
+
     def first(self, indices: Sequence[int]) -> Coefficients:
         """Coefficients (n, k) of the first sizes of k groups."""
-        ends = np.cumsum([0, *(len(group.steps) for group in self.groups)])
-        return [columns[:, ends[list(indices)]] for columns in self.columns]
+        return [columns[:, self._begin[list(indices)]] for columns in self.columns]
+
+    @property
+    def _begin(self) -> Integers:
+        """Columns at which the groups begin, and their number."""
+        return np.cumsum([0, *(len(group.steps) for group in self.groups)])
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,14 +8,12 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
-from phaselead.gap.parameters import SizedEffect
-from phaselead.gap.posterior.beside import Beside, Histories, histories_of
 from phaselead.gap.posterior.blocks import BlockedRun
-from phaselead.gap.posterior.if_explained import IfExplained
+from phaselead.gap.posterior.first_order import Beside, Histories, histories_of
+from phaselead.gap.posterior.if_explained import Part, parts_of
 from phaselead.gap.posterior.levels import about_their_sessions
-from phaselead.gap.posterior.likeliest import APART, LEAST_POWER, Likeliest, in_typical_sizes, likeliest_amounts
+from phaselead.gap.posterior.likeliest import APART, LEAST_POWER, Start, in_typical_sizes, likeliest_amounts
 from phaselead.gap.posterior.likelihood import Likelihood
 from phaselead.gap.posterior.priors import FLEXURE_ZETA, KNOWN_BEFORE, LARGEST, SIZES
 from phaselead.gap.posterior.sets import Fit
@@ -28,24 +26,6 @@ DIFFERENT = 2
 """Shapes of one effect from which it is begun, of different forms where it has some."""
 FINE_MODES = 9
 """Frequencies about each of the best on the coarse grid at which a mode is tried, damped as flexures are."""
-
-
-@dataclass(frozen=True)
-class Start:
-    """An effect at a shape, with the sizes that explain most."""
-
-    entry: SizedEffect
-    gain: float
-    """Log units that it is expected to bring."""
-    of_size: bool
-    """Whether it was simulated at about these sizes, as far as that matters."""
-    is_over: bool
-    """Whether what it had done before is taken to be over in all records."""
-
-    @classmethod
-    def of(cls, one: Likeliest) -> Start:
-        """The effect at its likeliest amounts."""
-        return cls(one.entry, one.gain, one.of_size, one.is_over)
 
 
 @dataclass(frozen=True)
@@ -79,15 +59,15 @@ class Starts:
         runs = [run.modelled.run for run in self.likelihood.runs]
         longest_s = max(float(run.t_s[-1] - run.t_s[0]) for run in runs)
         groups = at_all_sizes(regressor_groups(self.effects, self.likelihood.step_s, longest_s))
-        return Shapes(groups, self._of(groups))
+        return self._of(groups)
 
     @cached_property
     def _histories(self) -> Histories:
         """Of the shapes that are looked at."""
         return histories_of(self.likelihood.runs, self.shapes.groups)
 
-    def _of(self, groups: Sequence[RegressorGroup]) -> list[NDArray[np.float32]]:
-        """Per run the coefficients (n, k) of every group, their levels about those of the session."""
+    def _of(self, groups: Sequence[RegressorGroup]) -> Shapes:
+        """With the coefficients of every group, their levels about those of the session."""
         runs, found, levels = self.likelihood.runs, [], []
         for run in runs:
             coefficients = self._of_run(run, groups)
@@ -95,7 +75,7 @@ class Starts:
             levels.append(coefficients[0].copy())  # and not the whole of it
         for of_run, level in zip(found, about_their_sessions(runs, levels), strict=True):
             of_run[0] = level
-        return found
+        return Shapes(groups, found)
 
     @staticmethod
     def _of_run(run: BlockedRun, groups: Sequence[RegressorGroup]) -> Samples:
@@ -110,9 +90,9 @@ class Starts:
     def beside(self, fit: Fit) -> dict[str, list[Start]]:
         """The best different shapes of every effect that is not in a set, the effect that explains most first."""
         histories = self._histories if self.with_outliers else None
-        every = self._sized(fit, self.shapes.groups, self.shapes.columns, histories)
+        every = self._sized(fit, self.shapes, histories)
         if self.with_outliers:
-            every += [Start.of(one) for one in self._if_explained.of(self.likelihood, fit)]
+            every += [start for part in self._parts for start in part.beside(self.likelihood, fit)]
         found: dict[str, list[Start]] = {}
         for start in every:
             name = start.entry[0].name
@@ -122,11 +102,12 @@ class Starts:
         return dict(sorted(chosen.items(), key=lambda item: -item[1][0].gain))
 
     @cached_property
-    def _if_explained(self) -> IfExplained:
-        return IfExplained(self.shapes, self._histories)
+    def _parts(self) -> list[Part]:
+        """Of which it is asked what they would bring if they explained all that is left."""
+        return parts_of(self.shapes, self._histories)
 
     def _chosen(self, fit: Fit, starts: Sequence[Start]) -> list[Start]:
-        ranked = sorted(starts, key=_rank)
+        ranked = sorted(starts, key=lambda start: (not start.of_size, -start.gain))
         effect = ranked[0].entry[0]
         if effect.peak is None:
             different = {_place_of(start): start for start in reversed(ranked)}.values()
@@ -147,7 +128,7 @@ class Starts:
         groups = [
             RegressorGroup(effect, {**shapes, frequency: f, damping: FLEXURE_ZETA}, typical_sizes(effect)) for f in near
         ]
-        return self._sized(fit, groups, self._of(groups))
+        return self._sized(fit, self._of(groups))
 
     def sizes(self, fit: Fit) -> list[SizedGroup]:
         """What the records say of the first size of every shape beside a set, simulated at its typical size, and where
@@ -156,7 +137,7 @@ class Starts:
         likelihood, found = self.likelihood, []
         moved = np.where(likelihood.changed, likelihood.base, 0.0)
         once = likelihood.independent(fit.terms, [fit.share], moved)[0]
-        for group, slope, curvature in self.moments(fit, self.shapes.groups, self.shapes.columns, once):
+        for group, slope, curvature in self.moments(fit, self.shapes, once):
             if group.effect.name in fit.names:
                 continue
             prior = np.array([LEAST_POWER, *np.full(len(slope) - 1, 1 / LARGEST**2)])
@@ -167,40 +148,27 @@ class Starts:
             found.append(SizedGroup(group, amount, deviation))
         return found
 
-    def _sized(
-        self,
-        fit: Fit,
-        groups: Sequence[RegressorGroup],
-        columns: Sequence[NDArray[np.float32]],
-        histories: Histories | None = None,
-    ) -> list[Start]:
-        """Every group with the sizes that explain most of what a set leaves."""
+    def _sized(self, fit: Fit, shapes: Shapes, histories: Histories | None = None) -> list[Start]:
+        """Every shape with the sizes that explain most of what a set leaves."""
         found = []
-        for group, slope, curvature in self.moments(fit, groups, columns, histories=histories):
-            one = max(likeliest_amounts(group, slope, curvature, self.with_outliers), key=lambda one: one.gain)
-            found.append(Start.of(one))
+        for group, slope, curvature in self.moments(fit, shapes, histories=histories):
+            found.append(max(likeliest_amounts(group, slope, curvature, self.with_outliers), key=lambda one: one.gain))
         return found
 
     def moments(
         self,
         fit: Fit,
-        groups: Sequence[RegressorGroup],
-        columns: Sequence[NDArray[np.float32]],
+        shapes: Shapes,
         independent: Samples | float = 1.0,
         histories: Histories | None = None,
     ) -> list[tuple[RegressorGroup, Samples, Samples]]:
-        """Per group the slope (sizes,) and curvature (sizes, sizes) of the log density, all parameters of the set
+        """Per shape the slope (sizes,) and curvature (sizes, sizes) of the log density, all parameters of the set
         moving along. Of what a block says only the share ``independent`` (blocks,) counts. Behind the sizes stand, with
         ``histories``, the amounts of what the effect had done before each record."""
         settled = self.likelihood.settled(fit.terms, [fit.share])
         weights = independent * self.likelihood.weights(settled.power, settled.variance)[0]
-        beside = Beside(self.likelihood, fit.terms, weights, groups, columns, histories)
-        return [(group, *beside.slope_and_curvature(which)) for which, group in enumerate(groups)]
-
-
-def _rank(start: Start) -> tuple[bool, float]:
-    """By which starts are taken, the lowest first."""
-    return not start.of_size, -start.gain
+        beside = Beside(self.likelihood, fit.terms, weights, shapes, histories)
+        return [(group, *beside.slope_and_curvature(which)) for which, group in enumerate(shapes.groups)]
 
 
 def _place_of(start: Start) -> tuple[float, ...]:

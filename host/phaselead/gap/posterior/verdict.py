@@ -1,20 +1,22 @@
 """From the evidences of sets to probabilities of effects, and from these to names and ties.
 
 A set may explain more than any other and still leave more than its equations may miss. Then its effects are only the
-nearest, and count as not there."""
+nearest, and count as not there. What counts are the names that a set bears: a loop that does not open, and yet takes
+travel off, is a change of gain."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from collections.abc import Set as AbstractSet
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property
 
 import numpy as np
 
 from phaselead.gap.error_rates import INSIDE, SURE
 from phaselead.gap.parameters import SizedEffect
-from phaselead.gap.posterior.search import Contest
+from phaselead.gap.posterior.contest import WITHIN, Contest
+from phaselead.gap.posterior.interval import names_borne
 from phaselead.gap.posterior.sets import Fit, Names, confused
 from phaselead.model import Effect
 
@@ -58,6 +60,8 @@ class Judgement:
     """Of each effect that was in the contest, by name."""
     sets: Mapping[Names, float]
     """Probability of each set."""
+    borne: Mapping[Names, frozenset[str]]
+    """The names that each set bears."""
     nearest_only: float
     """Probability that no set is there: the nearest leaves more than its equations may miss."""
 
@@ -65,7 +69,7 @@ class Judgement:
     def something_unnamed(self) -> bool:
         """Whether something is there, beside what is claimed, that no name is sure to be."""
         claimed = {name for claim in self.claims for name in claim.tied}
-        more = 1 - sum(p for names, p in self.sets.items() if claimed.issuperset(names))
+        more = 1 - sum(p for names, p in self.sets.items() if claimed.issuperset(self.borne[names]))
         return more > (SURE if claimed else INSIDE)
 
 
@@ -74,62 +78,105 @@ def judge(contest: Contest, nameless: AbstractSet[str] = frozenset()) -> Judgeme
     what is sure but may be a part of another effect is tied with that. Neither where the nearest set is probably no
     more than that. Effects that are ``nameless`` are no part of another.
     """
-    sets = _probabilities(contest)
-    best = max(sets, key=lambda names: sets[names])
-    single = {name: _with_any(sets, (name,)) for names in sets for name in names}
-    nearest_only = 1 - sum(probability * contest.fits[names].named for names, probability in sets.items())
+    sets = _Sets.of(contest)
+    best = sets.best
+    nearest_only = 1 - sum(p * contest.fits[names].named for names, p in sets.probability.items())
     effects = {effect.name: effect for fit in contest.fits.values() for effect, _ in fit.entries}
     claims = []
     for effect, params in contest.fits[best].entries:
         rivals = {n: other for n, other in effects.items() if n not in best and confused(effect, other)}
-        claim = _claim(contest, effect, rivals, sets, single)
+        claim = _claim(sets, effect, rivals)
         if claim is not None and nearest_only <= MORE_LIKELY_THAN_NOT:
             whole = _whole(contest, effect, params) if effect.name not in nameless else None
-            claims.append(claim if whole is None else _tied_with(contest, claim, whole, best, sets))
-    return Judgement(contest.fits[best], tuple(claims), single, sets, nearest_only)
+            claims.append(claim if whole is None else _tied_with(sets, claim, whole, best))
+    return Judgement(contest.fits[best], tuple(claims), sets.single, sets.probability, sets.borne, nearest_only)
 
 
-def _probabilities(contest: Contest) -> dict[Names, float]:
-    """Of every set in the contest."""
-    logs = {names: contest.log_posterior(names) for names in contest.fits}
-    top = max(logs.values())
-    weights = {names: float(np.exp(log - top)) for names, log in logs.items()}
-    total = sum(weights.values())
-    return {names: weight / total for names, weight in weights.items()}
+@dataclass(frozen=True)
+class _Sets:
+    """The sets of a contest."""
+
+    contest: Contest
+    probability: Mapping[Names, float]
+    """Of each."""
+    borne: Mapping[Names, frozenset[str]]
+    """The names that each bears."""
+
+    @classmethod
+    def of(cls, contest: Contest) -> _Sets:
+        """All of a contest."""
+        logs = {names: contest.log_posterior(names) for names in contest.fits}
+        top = max(logs.values())
+        weights = {names: float(np.exp(log - top)) for names, log in logs.items()}
+        total = sum(weights.values())
+        borne = {names: names_borne(fit) for names, fit in contest.fits.items()}
+        return cls(contest, {names: weight / total for names, weight in weights.items()}, borne)
+
+    @property
+    def best(self) -> Names:
+        """The most probable one; in place of one that bears other names than those of its effects the set of these, if
+        it is not so far behind that it says something else."""
+        most_probable = max(self.probability, key=self.probability.__getitem__)
+        of_its_names = tuple(sorted(self.borne[most_probable]))
+        least = self.probability[most_probable] * np.exp(-WITHIN)
+        return of_its_names if self.probability.get(of_its_names, 0.0) > least else most_probable
+
+    @cached_property
+    def single(self) -> dict[str, float]:
+        """Probability of every effect that one of them has, by name."""
+        every = dict.fromkeys(name for names in self.probability for name in names)
+        return {name: self.with_any((name,)) for name in every}
+
+    def with_any(self, group: Names) -> float:
+        """Probability that at least one of some effects is there."""
+        return min(1.0, sum((p for names, p in self.probability.items() if self.borne[names] & set(group)), 0.0))
+
+    def log_odds(self, group: Names, log_posterior: Callable[[Names], float]) -> float:
+        """Of the best set with any of a group against the best without."""
+        logs = {True: -np.inf, False: -np.inf}
+        for names, borne in self.borne.items():
+            there = bool(borne & set(group))
+            logs[there] = max(logs[there], log_posterior(names))
+        return float(logs[True] - logs[False])
+
+    def best_fitted(self, name: str) -> float:
+        """Log posterior, without the held-out records, of the best set with an effect."""
+        with_it = [names for names, borne in self.borne.items() if name in borne]
+        return max(map(self.contest.log_posterior_fitted, with_it), default=-np.inf)
+
+    def most_probable_with(self, name: str, group: Names) -> tuple[SizedEffect, ...]:
+        """The most probable set with one of a group and none of the others, its entry last; empty without one."""
+        allowed = [names for names, borne in self.borne.items() if name in names and borne & set(group) == {name}]
+        if not allowed:
+            return ()
+        entries = self.contest.fits[max(allowed, key=self.probability.__getitem__)].entries
+        return tuple(sorted(entries, key=lambda entry: entry[0].name == name))
 
 
-def _with_any(sets: Mapping[Names, float], names: Names) -> float:
-    """Probability that at least one of some effects is there."""
-    return min(1.0, sum(p for members, p in sets.items() if set(members) & set(names)))
-
-
-def _claim(
-    contest: Contest,
-    effect: Effect,
-    rivals: Mapping[str, Effect],
-    sets: Mapping[Names, float],
-    single: Mapping[str, float],
-) -> Claim | None:
+def _claim(sets: _Sets, effect: Effect, rivals: Mapping[str, Effect]) -> Claim | None:
     """That an effect is there, or one of the smallest group of it and its rivals of which that is sure, and which the
     records that were fitted speak for by themselves. Only what may be taken for the effect can stand in its place.
 
     A group that is not sure grows by the rival that makes it surest, one that is sure but not borne out by the rival
     that the fitted records prefer.
     """
+    single = sets.single
 
     def claimed(group: Names) -> Claim | None:
-        claim = _claim_of(contest, effect, group, sets, single)
-        return claim if _with_any(sets, group) >= SURE and claim.borne_out else None
+        if sets.with_any(group) < SURE:
+            return None
+        claim = _claim_of(sets, effect, group)
+        return claim if claim.borne_out else None
 
     group: Names = (effect.name,)
     while (claim := claimed(group)) is None:
         more = [name for name in single if name in rivals and name not in group]
         if not more or len(group) == MOST_TIED:
             return None
-        if _with_any(sets, group) >= SURE:
-            group = (*group, max(more, key=partial(_best_fitted, contest)))
+        if sets.with_any(group) >= SURE:
+            group = (*group, max(more, key=sets.best_fitted))
         else:
-            surest = {name: (_with_any(sets, (*group, name)), single[name]) for name in more}
+            surest = {name: (sets.with_any((*group, name)), single[name]) for name in more}
             group = (*group, max(more, key=surest.__getitem__))
     for name in sorted(group[1:], key=single.__getitem__):
         fewer = claimed(tuple(one for one in claim.tied if one != name))
@@ -145,43 +192,22 @@ def _whole(contest: Contest, effect: Effect, params: Mapping[str, float]) -> str
     return whole.effect if abs(params[effect.sizes[0].name]) <= whole.up_to else None
 
 
-def _tied_with(contest: Contest, claim: Claim, name: str, best: Names, sets: Mapping[Names, float]) -> Claim:
+def _tied_with(sets: _Sets, claim: Claim, name: str, best: Names) -> Claim:
     """The claim that an effect, or one more, is there; the claim itself where that is one of the best set, or tied with
     it already, or the tie is full."""
     if name in claim.tied or name in best or len(claim.tied) == MOST_TIED:
         return claim
     tied = (*claim.tied, name)
-    rivals = [entries for one in tied if (entries := _most_probable_with(contest, one, tied, sets))]
-    return replace(claim, rivals=tuple(rivals), tied=tied)
+    return replace(claim, rivals=_rivals(sets, tied), tied=tied)
 
 
-def _best_fitted(contest: Contest, name: str) -> float:
-    """Log posterior, without the held-out records, of the best set with an effect."""
-    return max(contest.log_posterior_fitted(names) for names in contest.fits if name in names)
-
-
-def _claim_of(
-    contest: Contest, effect: Effect, group: Names, sets: Mapping[Names, float], single: Mapping[str, float]
-) -> Claim:
+def _claim_of(sets: _Sets, effect: Effect, group: Names) -> Claim:
     """The claim that one of a group is there."""
-    odds = _log_odds(group, {names: contest.log_posterior(names) for names in sets})
-    fitted = _log_odds(group, {names: contest.log_posterior_fitted(names) for names in sets})
-    rivals = [entries for name in group if (entries := _most_probable_with(contest, name, group, sets))]
-    return Claim(effect, single[effect.name], odds, odds - fitted, tuple(rivals), group)
+    odds = sets.log_odds(group, sets.contest.log_posterior)
+    fitted = sets.log_odds(group, sets.contest.log_posterior_fitted)
+    return Claim(effect, sets.with_any((effect.name,)), odds, odds - fitted, _rivals(sets, group), group)
 
 
-def _log_odds(group: Names, logs: Mapping[Names, float]) -> float:
-    """Of the best set with any of a group against the best without, by the log posterior of each."""
-    with_it = max(log for names, log in logs.items() if set(names) & set(group))
-    return with_it - max(log for names, log in logs.items() if not set(names) & set(group))
-
-
-def _most_probable_with(
-    contest: Contest, name: str, group: Names, sets: Mapping[Names, float]
-) -> tuple[SizedEffect, ...]:
-    """The most probable set with one of a group and none of the others, its entry last; empty without one."""
-    allowed = [names for names in sets if name in names and len(set(group) & set(names)) == 1]
-    if not allowed:
-        return ()
-    entries = contest.fits[max(allowed, key=lambda names: sets[names])].entries
-    return tuple(sorted(entries, key=lambda entry: entry[0].name == name))
+def _rivals(sets: _Sets, tied: Names) -> tuple[tuple[SizedEffect, ...], ...]:
+    """One set for each of those that are tied, if there is one."""
+    return tuple(entries for name in tied if (entries := sets.most_probable_with(name, tied)))

@@ -2,6 +2,6 @@
 
 from __future__ import annotations
 
-from phaselead.gap.several_axes.search import search_together
+from phaselead.gap.several_axes.joint_search import search_together
 
 __all__ = ["search_together"]

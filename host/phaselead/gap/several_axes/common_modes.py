@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from phaselead.gap.search import Progress
+from phaselead.gap.effect_search import Progress
 from phaselead.gap.several_axes.in_front import FIRST_TAU_s, InFront, no_shaping
 from phaselead.gap.several_axes.joint_records import Entries, JointRecord, effect_of, level_groups, response_groups
 from phaselead.identify import (
@@ -62,6 +62,11 @@ class CommonModes:
         """The modes, all together."""
         return self.fit.model
 
+    @property
+    def held(self) -> ModalModel | None:
+        """The modes that a further fit keeps; None where it may move them."""
+        return self.model if self.modes_kept else None
+
     def answer(self, record: JointRecord) -> Samples:
         """Predicted displacement from rest (n + 1, axes) in um."""
         return self.model.answer(record.drive(self.entries))
@@ -111,7 +116,6 @@ def fit_softening(
     """The modes of ``start``, with poles and gains that follow the level of the actuators, and with the effects
     ``others`` in front of them. Modes that are kept stay as they are, and so does softening that they have."""
     front = InFront(train[0].axes, tuple(others), softens=not start.given, given=start.given)
-    kept = start.model if start.modes_kept else None
     if start.given:
         return _fit_others(train, start, front, report)
     values = front.first_values
@@ -127,7 +131,7 @@ def fit_softening(
             split=start.split,
             most_steps=steps,
             weights=weights,
-            held=kept,
+            held=start.held,
             report=(lambda s: report(0.6 * s)) if steps == SOFT_STEPS else None,
         )
 

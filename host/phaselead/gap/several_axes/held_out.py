@@ -54,17 +54,14 @@ class HeldOutPrediction:
     def share_of_output(self, record: int) -> float:
         """Error of one record over its output, each rms over all axes."""
         error = sum(float(np.sum(self.errors(axis)[record] ** 2)) for axis in self.model_um)
-        return float(np.sqrt(error / sum(float(np.sum(self._moved(axis, record) ** 2)) for axis in self.model_um)))
+        output = sum(float(np.sum((x[record] - x[record].mean()) ** 2)) for x in self.measured_um.values())
+        return float(np.sqrt(error / output))
 
     @property
     def share_left(self) -> float:
         """Power of the error over that of the output, mean over records."""
         records = len(next(iter(self.model_um.values())))
         return float(np.mean([self.share_of_output(i) ** 2 for i in range(records)]))
-
-    def _moved(self, axis: str, record: int) -> Samples:
-        x = self.measured_um[axis][record]
-        return np.asarray(x - x.mean())
 
 
 def predict_held_out(stage: Stage, holdout: Sequence[Recording], axes: Sequence[str]) -> HeldOutPrediction:

@@ -24,11 +24,6 @@ def effect_of(part: ModePart) -> Effect:
     return next(effect for effect in catalogue().values() if effect.shared_modes == part)
 
 
-def describes_modes(name: str) -> bool:
-    """Whether an adopted effect describes such modes, so that their fit takes its place."""
-    return name in catalogue() and catalogue()[name].shared_modes is not None
-
-
 @dataclass(frozen=True)
 class JointRecord:
     """One record of all axes. Positions have one row more than voltages, in front, as chains have it."""
@@ -113,8 +108,7 @@ def joint_records(models: Mapping[str, AxisModel], runs: Mapping[str, Sequence[G
 
 def scaled(record: JointRecord, models: Mapping[str, AxisModel], factor: float) -> JointRecord:
     """The same drives so many times as large about their means, with positions that nobody measured: 0."""
-    rows = slice(record.rows.start - 1, record.rows.stop - 1)
-    middle = record.u_V[rows].mean(axis=0)
+    middle = record.u_V[record.experiment.rows].mean(axis=0)
     u = middle + factor * (record.u_V - middle)
     t_s = np.arange(len(u)) * record.step_s
     bare = [_without_mechanics(models[a]) for a in record.axes]
@@ -123,7 +117,9 @@ def scaled(record: JointRecord, models: Mapping[str, AxisModel], factor: float) 
 
 
 def _without_mechanics(model: AxisModel) -> AxisModel:
-    return model.model_copy(update={"effects": tuple(e for e in model.effects if not describes_modes(e.name))})
+    """The axis without what it has adopted of shared modes, whose place their fit takes."""
+    of_modes = {name for name, effect in catalogue().items() if effect.shared_modes is not None}
+    return model.model_copy(update={"effects": tuple(e for e in model.effects if e.name not in of_modes)})
 
 
 def softening_params(entries: Sequence[Entry]) -> Params | None:

@@ -139,9 +139,9 @@ def _per_line(noise: dict[int, Samples], rows: int) -> Samples:
 
 def _experiment(found: StageFit, one: _Predicted, sensor: str | None, names: tuple[str, ...]) -> NextExperiment:
     record = one.record
-    rows = slice(record.rows.start - 1, record.rows.stop - 1)
     period = common_period([record.experiment])
-    u = record.u_V[rows] if period is None else record.u_V[rows][-period:]
+    scored = record.u_V[record.experiment.rows]
+    u = scored if period is None else scored[-period:]
     lines = np.abs(np.fft.rfft(u - u.mean(axis=0), axis=0)).max(axis=1)
     driven = np.flatnonzero(lines > DRIVEN * lines.max())
     per_line_Hz = 1 / (len(u) * record.step_s)

@@ -34,7 +34,7 @@ class EffectScore:
     unit: str
 
 
-def _in_front_of_mechanics(effects: Sequence[Effect]) -> list[Effect]:
+def in_front_of_mechanics(effects: Sequence[Effect]) -> list[Effect]:
     """Effects between voltage and mechanics that a voltage predicts."""
     return [e for e in effects if e.kind == "response" and e.shared_modes is None and e.before_modes]
 
@@ -44,7 +44,8 @@ def score_other_effects(train: Sequence[JointRecord], fit: CommonModes, effects:
     are kept."""
     records = spread(train)
     weights = np.array([w for s, w in zip(train, fit.fit.weights, strict=True) if s in records])
-    groups = _few(regressor_groups(_in_front_of_mechanics(effects), records[0].step_s, _longest_s(records)))
+    longest_s = max(len(record.x_um) * record.step_s for record in records)
+    groups = _few(regressor_groups(in_front_of_mechanics(effects), records[0].step_s, longest_s))
     columns = [
         (group, i, j) for group, j in product(groups, range(len(records[0].axes))) for i in range(len(group.steps))
     ]
@@ -87,10 +88,6 @@ def _few(groups: Sequence[RegressorGroup]) -> list[RegressorGroup]:
         chosen = np.unique(np.linspace(0, len(shapes) - 1, min(MOST_SHAPES, len(shapes))).round().astype(int))
         found += [shapes[i] for i in chosen]
     return found
-
-
-def _longest_s(records: Sequence[JointRecord]) -> float:
-    return max(len(s.x_um) * s.step_s for s in records)
 
 
 def _changes(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -44,8 +45,8 @@ from phaselead.gap.several_axes.rivals import Tie
 from phaselead.gap.several_axes.stage_effects import (
     adopted_axis,
     coupling_params,
-    in_front,
     own_gains,
+    params_in_front,
     resonance_params,
 )
 from phaselead.gap.unexplained import Unexplained, unexplained
@@ -93,6 +94,20 @@ class StageFit:
         power = effect_of("level").parameter("exponent")
         return self.softens and self.fit.exponents == (power.low, power.high)
 
+    @property
+    def tied(self) -> set[str]:
+        """Names of what is in a tie."""
+        return {name for tie in self.ties for name in tie.names}
+
+    @property
+    def in_front(self) -> list[str]:
+        """Names of what was adopted between the voltage and the modes, softening first."""
+        return [e.name for e in self.fit.front.effects] if self.softens and self.fit.front is not None else []
+
+    def had(self, axis: int) -> set[str]:
+        """Names of the effects that an axis of the stage had."""
+        return {e.name for e in self.stage.axes[self.axes[axis]].effects}
+
     def without(self, name: str, axis: int) -> CommonModes:
         """The fit with one effect taken out at one axis; softening is taken out at all."""
         model, inputs = self.fit.model, self.fit.model.inputs
@@ -133,10 +148,11 @@ def axis_results(
 ) -> list[AxisResult]:
     """One result per axis; messages about the whole stage, its ties and the experiment for them go with the first."""
     gains = [None] * len(found.axes) if found.fit.modes_kept else own_gains(found.fit).tolist()
-    named = {a: _named(found, i) for i, a in enumerate(found.axes)}
-    unsure = {a: _not_vouched_for(found, i, {one.name for one in named[a]}) for i, a in enumerate(found.axes)}
+    effects = [_effects(found, i) for i in range(len(found.axes))]
+    named = [_named(found, i, of_axis) for i, of_axis in enumerate(effects)]
+    unsure = [_not_vouched_for(found, i, of_axis) for i, of_axis in enumerate(named)]
     adopted = {
-        a: adopted_axis(found.models[a], gains[i], _adopted(found, i, named[a]), set(unsure[a]))
+        a: adopted_axis(found.models[a], gains[i], _adopted(found, i, effects[i], named[i]), set(unsure[i]))
         for i, a in enumerate(found.axes)
     }
     after = predict_held_out(
@@ -147,15 +163,14 @@ def axis_results(
     results = []
     for i, a in enumerate(found.axes):
         gap = _gap(found, after, i)
-        taken = _taken(found, a, named[a])
-        taken |= set(unsure[a])
+        taken = {*(one.name for one in named[i]), *unsure[i], *found.had(i), *found.tied}
         excluded = _excluded(found, a, taken)
         untestable = _untestable(found, taken | {b.name for b in excluded})
         left = gap.after**2 - gap.floor**2
         held_out = [run for run in runs[a] if run.role == "holdout"]
         predictable = _predictable(found, runs[a], i)
-        of_fit = replace(gap, after=_left_um(found, i))
-        excused = excused_um2(of_fit) if named[a] else 0.0
+        of_fit = replace(gap, after=math.sqrt(_power_um2(found.held_out, found.fit, i)))
+        excused = excused_um2(of_fit) if named[i] else 0.0
         unexcused = more_than_equations_miss(predictable, of_fit, excused)
         predictable = replace(predictable, of_equations=predictable.something_missing and not unexcused)
         missing = left > LEAST_SAVED * gap.before**2 or unexcused
@@ -163,7 +178,7 @@ def axis_results(
             AxisResult(
                 axis=a,
                 model=adopted[a],
-                effects=named[a],
+                effects=named[i],
                 ties=ties if i == 0 else [],
                 unknown=missing,
                 excluded=excluded,
@@ -176,19 +191,13 @@ def axis_results(
                 traces=_traces(found, after, held_out, a),
                 messages=messages if i == 0 else [],
                 adopted=[
-                    *(Adopted(one.name, NAMED) for one in named[a]),
-                    *(Adopted(name, PROVISIONAL) for name in unsure[a]),
+                    *(Adopted(one.name, NAMED) for one in named[i]),
+                    *(Adopted(name, PROVISIONAL) for name in unsure[i]),
                 ],
                 unexplained=predictable,
             )
         )
     return results
-
-
-def _taken(found: StageFit, axis: str, named: Sequence[NamedEffect]) -> set[str]:
-    """What is named on an axis or in a tie, and what the stage had."""
-    names = {one.name for one in named} | {e.name for e in found.stage.axes[axis].effects}
-    return names | {name for tie in found.ties for name in tie.names}
 
 
 def _predictable(found: StageFit, runs: Sequence[GapRun], axis: int) -> Unexplained:
@@ -202,20 +211,20 @@ def _predictable(found: StageFit, runs: Sequence[GapRun], axis: int) -> Unexplai
     return unexplained(left("train", found.train), left("holdout", found.held_out))
 
 
-def _named(found: StageFit, axis: int) -> list[NamedEffect]:
+def _named(found: StageFit, axis: int, effects: Sequence[NamedEffect]) -> list[NamedEffect]:
     """Effects that the stage lacked and that improve the held-out records, largest share first; none of a tie."""
-    known = {e.name for e in found.stage.axes[found.axes[axis]].effects}
-    known |= {name for tie in found.ties for name in tie.names}
-    candidates = [one for one in _effects(found, axis) if one.name not in known]
-    return sorted((one for one in candidates if one.share > 0), key=lambda one: -one.share)
+    known = found.had(axis) | found.tied
+    return sorted((one for one in effects if one.share > 0 and one.name not in known), key=lambda one: -one.share)
 
 
-def _adopted(found: StageFit, axis: int, named: Sequence[NamedEffect]) -> list[NamedEffect]:
+def _adopted(
+    found: StageFit, axis: int, effects: Sequence[NamedEffect], named: Sequence[NamedEffect]
+) -> list[NamedEffect]:
     """The named effects, those that the stage had, with their new values unless they are kept, and what the modes were
     fitted behind."""
-    known = set() if found.fit.modes_kept else {e.name for e in found.stage.axes[found.axes[axis]].effects}
-    names = {one.name for one in named} | known | set(in_front(found.fit, axis) if found.softens else ())
-    return [one for one in _effects(found, axis) if one.name in names]
+    known = set() if found.fit.modes_kept else found.had(axis)
+    names = {*(one.name for one in named), *known, *found.in_front}
+    return [one for one in effects if one.name in names]
 
 
 def _effects(found: StageFit, axis: int) -> list[NamedEffect]:
@@ -225,7 +234,7 @@ def _effects(found: StageFit, axis: int) -> list[NamedEffect]:
         effect_of("coupling").name: coupling_params(found.fit, axis, found.axes),
     }
     if found.softens:
-        params |= in_front(found.fit, axis)
+        params |= params_in_front(found.fit, axis)
     result = []
     for name, values in params.items():
         without = found.without(name, axis)
@@ -240,21 +249,18 @@ def _effects(found: StageFit, axis: int) -> list[NamedEffect]:
 def _share(found: StageFit, without: CommonModes, axis: int) -> float:
     """Share of the power before that comes back without the effect."""
     before = found.before.rms(found.axes[axis]) ** 2
-    power = [
-        float(np.mean(_error(record, fit, axis) ** 2)) for fit in (without, found.fit) for record in found.held_out
-    ]
-    count = len(found.held_out)
-    return float(np.clip((np.mean(power[:count]) - np.mean(power[count:])) / max(before, 1e-30), 0.0, 1.0))
+    lost = _power_um2(found.held_out, without, axis) - _power_um2(found.held_out, found.fit, axis)
+    return float(np.clip(lost / max(before, 1e-30), 0.0, 1.0))
+
+
+def _power_um2(records: Sequence[JointRecord], fit: CommonModes, axis: int) -> float:
+    """Power that a fit leaves of an axis, mean over records."""
+    return float(np.mean([np.mean(_error(record, fit, axis) ** 2) for record in records]))
 
 
 def _error(record: JointRecord, fit: CommonModes, axis: int) -> Samples:
     error = (record.x_um - fit.answer(record))[record.rows, axis]
     return np.asarray(error - error.mean())
-
-
-def _left_um(found: StageFit, axis: int) -> float:
-    """Rms (um) that the fit with all that was tried leaves of the held-out records."""
-    return float(np.sqrt(np.mean([np.mean(_error(record, found.fit, axis) ** 2) for record in found.held_out])))
 
 
 def _gap(found: StageFit, after: HeldOutPrediction, axis: int) -> GapSize:
@@ -263,7 +269,7 @@ def _gap(found: StageFit, after: HeldOutPrediction, axis: int) -> GapSize:
     noise = noise_um(found.held_out, axis)
     if noise is not None:
         return GapSize.below(found.before.rms(name), left, noise, "what does not repeat from period to period")
-    train = float(np.sqrt(np.mean([np.mean(_error(s, found.fit, axis) ** 2) for s in found.train])))
+    train = math.sqrt(_power_um2(found.train, found.fit, axis))
     return GapSize.below(found.before.rms(name), left, train, "what the modes leave of the training records")
 
 
@@ -278,16 +284,16 @@ def _excluded(found: StageFit, axis: str, taken: set[str]) -> list[Bound]:
     ]
 
 
-def _not_vouched_for(found: StageFit, axis: int, named: set[str]) -> list[str]:
+def _not_vouched_for(found: StageFit, axis: int, named: Sequence[NamedEffect]) -> list[str]:
     """The effects that the modes were fitted behind and that neither are ``named`` nor were in the stage."""
-    known = named | {e.name for e in found.stage.axes[found.axes[axis]].effects}
-    return [name for name in in_front(found.fit, axis) if name not in known] if found.softens else []
+    known = {*(one.name for one in named), *found.had(axis)}
+    return [name for name in found.in_front if name not in known]
 
 
 def named_in_front(found: StageFit) -> list[str]:
     """Names, on any axis, of what was fitted in front of the modes, softening first."""
-    of_axes = [one.name for i in range(len(found.axes)) for one in _named(found, i)]
-    return [name for name in in_front(found.fit, 0) if name in of_axes] if found.softens else []
+    of_axes = [one.name for i in range(len(found.axes)) for one in _named(found, i, _effects(found, i))]
+    return [name for name in found.in_front if name in of_axes]
 
 
 def _untestable(found: StageFit, tested: set[str]) -> dict[str, str]:

@@ -12,7 +12,7 @@ from phaselead.gap.several_axes.common_modes import CommonModes
 from phaselead.gap.several_axes.held_out import LEAST_Z, improvement
 from phaselead.gap.several_axes.in_front import InFront, fitted_parameters
 from phaselead.gap.several_axes.joint_records import JointRecord
-from phaselead.gap.several_axes.other_effects import score_other_effects, spread
+from phaselead.gap.several_axes.other_effects import in_front_of_mechanics, score_other_effects, spread
 from phaselead.identify import fit_modes
 from phaselead.model import Effect
 from phaselead.record import Samples
@@ -40,13 +40,8 @@ def rivals_of(effect: Effect, fit: CommonModes, effects: Sequence[Effect], taken
     """
     return [
         e
-        for e in effects
-        if confused(e, effect)
-        and e.kind == "response"
-        and e.before_modes
-        and e.shared_modes is None
-        and (fit.modes_kept or not e.absorbed_by_modes)
-        and e.name not in taken
+        for e in in_front_of_mechanics(effects)
+        if confused(e, effect) and (fit.modes_kept or not e.absorbed_by_modes) and e.name not in taken
     ]
 
 
@@ -67,15 +62,11 @@ def contest(
     for other in candidates[1:]:
         if improvement(held_out, best[1].answer, other[1].answer).saved > 0:
             best = other
-    alike = [c for c in candidates if c is not best and not _worse(held_out, c[1], best[1])]
+    others = [one for one in candidates if one is not best]
+    alike = [one for one in others if improvement(held_out, one[1].answer, best[1].answer).z <= LEAST_Z]
     tied = [best, *alike]
     tie = Tie(tuple(name for name, _ in tied), tuple(one for _, one in tied)) if alike else None
     return best[1], tie
-
-
-def _worse(held_out: Sequence[JointRecord], fit: CommonModes, than: CommonModes) -> bool:
-    """Whether a fit predicts the held-out records worse than another beyond chance."""
-    return improvement(held_out, fit.answer, than.answer).z > LEAST_Z
 
 
 def _promising(
@@ -116,7 +107,7 @@ def _in_its_place(
         split=begin.split,
         most_steps=RIVAL_STEPS,
         weights=fit.fit.weights,
-        held=begin.model if begin.modes_kept else None,
+        held=begin.held,
     )
     kept = (None, None) if softening else (fit.taus_s, fit.exponents)
     return replace(
@@ -153,9 +144,8 @@ def _first_values(
 
     def left(at: Samples) -> float:
         shaping = front.shaping(few, at)
-        kept = begin.model if begin.modes_kept else None
         fit = fit_modes(
-            begin.model.poles, shaping, shift=begin.fit.shift, split=begin.split, most_steps=0, held=kept,
+            begin.model.poles, shaping, shift=begin.fit.shift, split=begin.split, most_steps=0, held=begin.held,
             weights=np.array([1 / max(float(np.sum(np.var(r.x_um[r.rows], axis=0))), 1e-30) for r in few]),
         )  # fmt: skip
         return fit.squares

@@ -7,7 +7,7 @@ from collections.abc import Set as AbstractSet
 
 import numpy as np
 
-from phaselead.gap.adopt import stage_file_entry
+from phaselead.gap.adopt import stage_file_entries
 from phaselead.gap.error_rates import TWO_SIDED_95
 from phaselead.gap.findings import Estimate, Estimates, NamedEffect
 from phaselead.gap.several_axes.common_modes import CommonModes
@@ -59,8 +59,8 @@ def coupling_params(fit: CommonModes, axis: int, axes: Sequence[str]) -> dict[st
     return found
 
 
-def in_front(fit: CommonModes, axis: int) -> dict[str, dict[str, Estimate | Estimates]]:
-    """The effects that were fitted between one actuator and the modes, by name: softening, and what is beside it."""
+def params_in_front(fit: CommonModes, axis: int) -> dict[str, dict[str, Estimate | Estimates]]:
+    """By name, what was fitted between one actuator and the modes: softening, and what is beside it."""
     found: dict[str, dict[str, Estimate | Estimates]] = {}
     index = axis
     name, entries = list(fit.entries.items())[axis] if fit.entries else ("", [])
@@ -122,8 +122,7 @@ def adopted_axis(
     assert view is not None
     names = {one.name for one in found}
     kept = [e for e in model.effects if e.name not in names]
-    new = [stage_file_entry(one, "provisional" if one.name in provisional else "named") for one in found]
-    effects = (*kept, *new)
+    effects = (*kept, *stage_file_entries(found, provisional))
     return model.model_copy(update={"time": view if gain is None else _scaled(view, gain), "effects": effects})
 
 

@@ -109,7 +109,7 @@ EFFECT = Effect(
             -0.5,
             0.5,
             absorbed_by_refit=True,
-            nameless=True,
+            by_itself="gain_change",
             doc="travel that goes with the loop beside what its plays take off, gained below 0; alone a change of gain",
         ),
         Parameter(

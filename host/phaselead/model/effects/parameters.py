@@ -37,8 +37,8 @@ class Parameter:
     """Whether a base that is refitted together with the effect takes it over. It is then fitted only where the base is
     frozen or held by reference records."""
 
-    nameless: bool = False
-    """Of a size: whether the effect bears its name by others alone. This one by itself would be another effect."""
+    by_itself: str = ""
+    """Of a size by which the effect does not bear its name: the effect that it is where the others are nothing."""
 
     known: tuple[float, float] | None = None
     """The lowest and the highest that any stage is known to have, where a stage file may give more; gap names none

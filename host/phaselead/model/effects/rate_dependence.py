@@ -108,7 +108,7 @@ EFFECT = Effect(
             0.0,
             0.3,
             absorbed_by_refit=True,
-            nameless=True,
+            by_itself="hysteresis",
             doc="opening that is the same at every rate: by itself it is hysteresis",
         ),
         Parameter(

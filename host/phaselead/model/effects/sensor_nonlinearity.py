@@ -80,7 +80,7 @@ EFFECT = Effect(
             -WORST,
             WORST,
             absorbed_by_refit=True,
-            nameless=True,
+            by_itself="gain_change",
             doc="slope: its maker set the scale elsewhere; by itself it is a change of gain",
         ),
     ),

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from phaselead.gap.candidates import HIGHEST_OF_RATE, shown_by
+from phaselead.gap.testable import HIGHEST_OF_RATE, shown_by
 from phaselead.model import AdoptedEffect, AxisModel, TimeView, catalogue
 
 VIEW = TimeView(gain_um_per_V=20.0, u_range_V=(0.0, 8.0), rate_Hz=5000.0)

@@ -9,17 +9,15 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from phaselead.gap.parameters import bounded, internal
-from phaselead.gap.posterior.before import before_record
+from phaselead.gap.history import before_record
+from phaselead.gap.parameters import internal
 from phaselead.gap.posterior.blocks import BlockedRun
 from phaselead.gap.posterior.likelihood import Likelihood
-from phaselead.gap.posterior.moments import Amounts, Index
+from phaselead.gap.posterior.moments import Amounts, Integers
 from phaselead.gap.posterior.sets import Terms
+from phaselead.gap.posterior.shapes import Shapes
 from phaselead.gap.regressors import RegressorGroup
 from phaselead.record import Samples
-
-Columns = Sequence[NDArray[np.float32]]
-"""Per run the coefficients (n, k) of the sizes of all groups, zeros of a reference."""
 
 
 class Histories:
@@ -36,12 +34,12 @@ class Histories:
         """Of all columns."""
         return int(self._widths.sum())
 
-    def of_run(self, k: int, run: int) -> Index:
+    def of_run(self, k: int, run: int) -> Integers:
         """The places of the columns of one run behind k others."""
         begin = k + int(self._widths[:run].sum())
         return np.arange(begin, begin + int(self._widths[run].sum()))
 
-    def behind(self, sizes: Sequence[int]) -> list[Index]:
+    def behind(self, sizes: Sequence[int]) -> list[Integers]:
         """The places of the columns of each group, where so many sizes of each stand in front of all."""
         if not sizes:
             return []
@@ -60,7 +58,7 @@ def _history(run: BlockedRun, group: RegressorGroup) -> Samples:
     effect = group.effect
     if not run.changed or effect.before_record is None or effect.peak is not None:
         return np.zeros((run.edges[-1], 0))
-    entry = effect, bounded(effect, group.params(np.ones(len(group.steps)).tolist()))
+    entry = group.entry([1.0] * len(group.steps))
     found = run.coefficients(before_record(run.modelled, [entry], [entry])[0])
     if run.levelled:
         found[0] = 0.0  # where a record stands then says nothing
@@ -81,21 +79,20 @@ class Residual:
 
 
 class Beside:
-    """Groups of columns beside a set, each block counting by a weight."""
+    """Shapes of effects beside a set, each block counting by a weight."""
 
     def __init__(
         self,
         likelihood: Likelihood,
         terms: Terms,
         weights: Samples,
-        groups: Sequence[RegressorGroup],
-        columns: Columns,
+        shapes: Shapes,
         histories: Histories | None = None,
     ) -> None:
-        """``weights`` (blocks,) by which squares count. ``histories`` as ``columns``, by default none."""
+        """``weights`` (blocks,) by which squares count. ``histories`` of the shapes, by default none."""
         self._likelihood, self._terms = likelihood, terms
-        self._columns = columns
-        self._histories = histories or Histories([[np.zeros((len(one), 0)) for _ in groups] for one in columns])
+        groups, self._columns = shapes.groups, shapes.columns
+        self._histories = histories or Histories([[np.zeros((len(one), 0)) for _ in groups] for one in self._columns])
         self._sizes = sum(len(group.steps) for group in groups)
         self._places = self._histories.behind([len(group.steps) for group in groups])
         self._normal, self._right = terms.moments.normal(weights[None], terms.prior.precision)
@@ -139,7 +136,7 @@ class Beside:
         """(n, k + h) columns of the sizes of all groups, and of their histories in a run."""
         return np.concatenate([self._columns[i], *self._histories.of_runs[i]], axis=1).astype(np.float32)
 
-    def _here(self, i: int) -> Index:
+    def _here(self, i: int) -> Integers:
         """The places of these among those of all runs."""
         return np.concatenate([np.arange(self._sizes), self._histories.of_run(self._sizes, i)])
 

@@ -8,8 +8,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from phaselead.gap.posterior import Contest, Likelihood, likelihood_of, search
-from phaselead.gap.posterior.search import exchange
+from phaselead.gap.posterior import Contest, Likelihood, likelihood_of
+from phaselead.gap.posterior import contest as of_contest
+from phaselead.gap.posterior.contest import exchange
 from phaselead.gap.posterior.sets import Begun
 from phaselead.gap.posterior.starts import Starts
 from phaselead.gap.records import GapRun
@@ -36,7 +37,7 @@ def run_of(role, seed):
     late = 0 if role == "reference" else LATE_ROWS
     held = np.concatenate([np.full(late, u[0]), u[: ROWS - late]])
     x = 10.0 * (1 + GAIN * (role != "reference")) * held + 0.005 * rng.normal(size=ROWS)
-    return GapRun("x", role, t, u, x, None, 0, ROWS, f"{seed}.csv", str(seed), {}, {})
+    return GapRun("x", role, t, u, x, None, 0, ROWS, f"{seed}.csv", {}, {})
 
 
 @cache
@@ -57,7 +58,7 @@ def after_exchange(pool, effects=EFFECTS):
 
 
 def best_of(pool):
-    return max(pool, key=Contest(likelihood(), pool, len(EFFECTS)).log_posterior)
+    return max(pool, key=Contest(likelihood(), pool, Starts(likelihood(), EFFECTS)).log_posterior)
 
 
 def test_a_rival_in_the_place_of_what_is_there_is_exchanged():
@@ -75,9 +76,11 @@ def test_two_rivals_are_exchanged_one_after_the_other():
 
 
 def test_the_search_comes_back_from_a_beam_that_missed_what_is_there(monkeypatch):
-    whole = search._beside
-    monkeypatch.setattr(search, "_beside", lambda *given: [fit for fit in whole(*given) if "delay" not in fit.names])
-    found = search.search_sets(likelihood(), EFFECTS, lambda share: None)
+    whole = of_contest._beside
+    monkeypatch.setattr(
+        of_contest, "_beside", lambda *given: [fit for fit in whole(*given) if "delay" not in fit.names]
+    )
+    found = of_contest.search_sets(likelihood(), EFFECTS, lambda share: None)
     best = max(found.fits, key=found.log_posterior)
     assert set(RIGHT) <= set(best)
     assert "sensor_lowpass" not in best
@@ -107,6 +110,7 @@ class Weighed:
     """A likelihood that gives each set the evidence of a table, whatever its parameters."""
 
     known = ()
+    beyond = None
 
     def __init__(self, evidence):
         self.evidence = {tuple(sorted(names.split())): value for names, value in evidence.items()}
@@ -129,9 +133,6 @@ class Weighed:
             begun_without=lambda i: Begun((*entries[:i], *entries[i + 1 :])),
         )
 
-    def missing_beyond(self, entries, stood):
-        return self
-
     def fitted_terms(self, start, steps):
         assert steps == 0
         return None, 0.1, self.fit(start).log_evidence
@@ -146,7 +147,7 @@ def test_a_winner_that_was_far_behind_meets_its_rivals(rival):
     sets = [(), (creep, late), (creep, other), (late,), (other,)]
     pool = {fit.names: fit for fit in map(led.fit, sets)}
     last = Weighed({"creep delay": 110.0, f"creep {rival}": 109.9, "delay": 120.0, rival: 119.9})
-    contest = search._last_contest(last, pool, 10)
+    contest = of_contest._last_contest(SimpleNamespace(likelihood=last, effects=range(10)), pool)
     assert ((rival,) in contest.fits) == (rival == "sensor_lowpass")  # nobody takes a delay for a change of gain
     assert max(contest.fits, key=contest.log_posterior) == ("delay",)
 
@@ -165,6 +166,6 @@ def test_the_winner_less_one_effect_is_fitted_from_where_the_winner_stands_too()
 
     table = Stuck({f"{leak} {bend[0].name}": 100.0, leak: 90.0})
     pool = {one.names: one for one in map(table.fit, [(), (slow,), (quick, bend), (bend,)])}
-    contest = search._last_contest(table, pool, 10)
+    contest = of_contest._last_contest(SimpleNamespace(likelihood=table, effects=range(10)), pool)
     assert contest.fits[(leak,)].entries == (quick,)
     assert contest.fits[(leak,)].log_evidence == 100.0

@@ -13,8 +13,8 @@ from dataclasses import replace
 
 from phaselead.errors import BadInput
 from phaselead.gap.axis import AxisResult
+from phaselead.gap.effect_search import Progress
 from phaselead.gap.records import GapRun, Role
-from phaselead.gap.search import Progress
 from phaselead.gap.several_axes.base_modes import has_common_modes, modes_as_they_are
 from phaselead.gap.several_axes.common_modes import CommonModes, fit_linear, fit_softening
 from phaselead.gap.several_axes.held_out import HeldOutPrediction, Improvement, improvement, predict_held_out
@@ -73,9 +73,10 @@ def search_together(
     kept = has_common_modes(stage) and (bool(reference) if frozen is None else frozen)
     axes = {a: stage.axes[a] for a in runs}
     models = axes if kept else _with_static_gains(stage, _of(records, "train"))
-    records = joint_records(models, runs) if models is not None else None
-    if models is None or records is None:
+    if models is None:
         return None
+    records = joint_records(models, runs)
+    assert records is not None  # the same runs gave records of the stage
     train, held_out = _of(records, "train"), _of(records, "holdout")
     if kept:
         strongest = linear = modes_as_they_are(stage, train)

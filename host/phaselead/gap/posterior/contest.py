@@ -4,22 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
 
 import numpy as np
 
 from phaselead.gap.base_refit import base_columns
 from phaselead.gap.error_rates import SURE
+from phaselead.gap.history import LEAST_STANDING, stands_off
 from phaselead.gap.parameters import SizedEffect, stands_at_an_end
-from phaselead.gap.posterior.before import LEAST_STANDING, stands_off
 from phaselead.gap.posterior.blocks import blocked
 from phaselead.gap.posterior.detectable import detectable
-from phaselead.gap.posterior.expected import expected_of
-from phaselead.gap.posterior.levels import in_no_session, zeros_of_sessions
+from phaselead.gap.posterior.levels import zeros_of_sessions
+from phaselead.gap.posterior.likeliest import Start
 from phaselead.gap.posterior.likelihood import Likelihood
+from phaselead.gap.posterior.noise_and_base_share import expected_of
 from phaselead.gap.posterior.priors import log_prior_of_set
 from phaselead.gap.posterior.sets import Begun, Fit, Names, confused, has_history, names_of
-from phaselead.gap.posterior.starts import Start, Starts
+from phaselead.gap.posterior.starts import Starts
 from phaselead.gap.residual import ModelledRun
 from phaselead.model import Effect
 
@@ -44,18 +44,16 @@ class Contest:
 
     likelihood: Likelihood
     fits: Mapping[Names, Fit]
-    catalogue_size: int
+    starts: Starts
+    """Of all effects that were looked at."""
     detectable: Mapping[str, float] = field(default_factory=dict)
     """First size, in its unit, that each effect must have for a name to be expected, stated without what the records
     show."""
-    starts: Starts | None = None
-    """Of all effects that were looked at."""
 
     @property
     def names(self) -> set[str]:
         """Of all effects that were looked at, or that stand in one of its sets."""
-        looked_at = self.starts.effects if self.starts is not None else ()
-        return {effect.name for effect in looked_at} | {name for names in self.fits for name in names}
+        return {effect.name for effect in self.starts.effects} | {name for names in self.fits for name in names}
 
     def log_evidence(self, names: Names) -> float:
         """Of a set. Where records stand speaks neither for nor against effects that go on between them, as nobody
@@ -66,13 +64,13 @@ class Contest:
 
     def log_posterior(self, names: Names) -> float:
         """Log evidence and log prior of a set."""
-        return self.log_evidence(names) + log_prior_of_set(len(names), self.catalogue_size)
+        return self.log_evidence(names) + log_prior_of_set(len(names), len(self.starts.effects))
 
     def log_posterior_fitted(self, names: Names) -> float:
         """The same without the held-out records."""
         fit = self.fits[names]
         log_evidence = fit.log_evidence_fitted + self._granted(fit, held_out=False)
-        return log_evidence + log_prior_of_set(len(names), self.catalogue_size)
+        return log_evidence + log_prior_of_set(len(names), len(self.starts.effects))
 
     def _granted(self, fit: Fit, *, held_out: bool) -> float:
         if not has_history(fit.entries):
@@ -89,12 +87,13 @@ def likelihood_of(runs: Sequence[ModelledRun], base_may_be_off: bool = False, op
     no reference record holds them. ``open_plays``: these were fitted to the training records."""
     every = blocked(runs)
     zeros = zeros_of_sessions(every)
-    elsewhere = partial(in_no_session, zeros[0].shape[1])
-    likelihood = Likelihood(tuple(every), expected_of(every), tuple(zeros), (elsewhere,))
+    sessions = zeros[0].shape[1]
+    of_no_session = (lambda run: np.zeros((run.edges[-1], sessions)),)  # as any further run is
+    likelihood = Likelihood(tuple(every), expected_of(every), tuple(zeros), of_no_session)
     if not base_may_be_off:
         return likelihood
     likelihood = likelihood.missing(lambda run: run.coefficients(base_columns(run.modelled, open_plays)))
-    return replace(likelihood, may_be_off_beyond=True).missing_beyond()
+    return likelihood.missing_beyond()
 
 
 def search_sets(likelihood: Likelihood, effects: Sequence[Effect], on_progress: Callable[[float], None]) -> Contest:
@@ -102,7 +101,7 @@ def search_sets(likelihood: Likelihood, effects: Sequence[Effect], on_progress: 
     any effect that explains much by itself may be what the base lacks in all records."""
     nothing = likelihood.fit(())
     starts = Starts(likelihood, effects)
-    alone = _beside(likelihood, starts, nothing, TRIED_ALONE)
+    alone = _beside(starts, nothing, TRIED_ALONE)
     needed = log_prior_of_set(0, len(effects)) - log_prior_of_set(1, len(effects)) + np.log(SURE / (1 - SURE))
     least = detectable(likelihood, starts.shapes, needed)
     on_progress(0.3)
@@ -110,17 +109,17 @@ def search_sets(likelihood: Likelihood, effects: Sequence[Effect], on_progress: 
     nothing, alone = likelihood.fit(()), [likelihood.fit(fit.begun) for fit in alone]
     starts = starts.of(likelihood)
     pool = {fit.names: fit for fit in [nothing, *alone]}
-    contest = Contest(likelihood, pool, len(effects))
+    contest = Contest(likelihood, pool, starts)
     frontier = _better(contest, alone, contest.log_posterior(()))
     for size in range(1, LARGEST_SET):
         on_progress(0.3 + 0.6 * size / LARGEST_SET)
-        grown = [fit for parent in frontier for fit in _beside(likelihood, starts, parent, TRIED_BESIDE)]
+        grown = [fit for parent in frontier for fit in _beside(starts, parent, TRIED_BESIDE)]
         for fit in grown:
             if fit.names not in pool or fit.log_evidence > pool[fit.names].log_evidence:
                 pool[fit.names] = fit
         frontier = _better(contest, grown, max((contest.log_posterior(fit.names) for fit in frontier), default=0.0))
     exchange(starts, pool)
-    return replace(_last_contest(likelihood, pool, len(effects)), detectable=least, starts=starts)
+    return replace(_last_contest(starts, pool), detectable=least)
 
 
 def _better(contest: Contest, fits: Sequence[Fit], than: float) -> list[Fit]:
@@ -129,14 +128,14 @@ def _better(contest: Contest, fits: Sequence[Fit], than: float) -> list[Fit]:
     return sorted(better.values(), key=lambda fit: -contest.log_posterior(fit.names))[:BEAM]
 
 
-def _beside(likelihood: Likelihood, starts: Starts, parent: Fit, most: int) -> list[Fit]:
+def _beside(starts: Starts, parent: Fit, most: int) -> list[Fit]:
     """Sets of one effect more, of those that are expected to bring what the prior asks for one more."""
     size, catalogue_size = len(parent.names), len(starts.effects)
     if size == catalogue_size:
         return []
     asked = log_prior_of_set(size, catalogue_size) - log_prior_of_set(size + 1, catalogue_size)
     worth = [several for several in starts.beside(parent).values() if several[0].gain > asked]
-    found = [_grown(likelihood, parent, several) for several in worth[:most]]
+    found = [_grown(starts.likelihood, parent, several) for several in worth[:most]]
     return [fit for fit in found if fit is not None]
 
 
@@ -148,7 +147,7 @@ def exchange(starts: Starts, pool: dict[Names, Fit]) -> None:
     not begun anew.
     """
     likelihood = starts.likelihood
-    contest = Contest(likelihood, pool, len(starts.effects))
+    contest = Contest(likelihood, pool, starts)
     for _ in range(EXCHANGES):
         best = max(pool, key=contest.log_posterior)
         for i, (effect, _) in enumerate(pool[best].entries):
@@ -187,41 +186,42 @@ def _grown(likelihood: Likelihood, parent: Fit, starts: Sequence[Start]) -> Fit 
     return None
 
 
-def _last_contest(likelihood: Likelihood, pool: Mapping[Names, Fit], catalogue_size: int) -> Contest:
+def _last_contest(starts: Starts, pool: Mapping[Names, Fit]) -> Contest:
     """Nothing, the sets that are not far behind the best, and the best less one of its effects each, or with one
     exchanged for what it may be taken for, once more: now any effect of theirs, as it is beside the others, may be what
     the base lacks, and what the equations of the winner miss may look like its rivals. A winner that was far behind
     before is given the same company."""
-    contest = Contest(likelihood, pool, catalogue_size)
+    contest = Contest(starts.likelihood, pool, starts)
     ranked = sorted(pool, key=lambda names: -contest.log_posterior(names))
     least = contest.log_posterior(ranked[0]) - WITHIN
     close = [pool[names] for names in ranked[:MOST_CONTESTED] if contest.log_posterior(names) > least]
-    starts: dict[Names, list[Begun]] = {(): [Begun(())], **{fit.names: [fit.begun] for fit in close}}
+    begun: dict[Names, list[Begun]] = {(): [Begun(())], **{fit.names: [fit.begun] for fit in close}}
     seen = {effect.name: (effect, params) for fit in reversed(close) for effect, params in fit.entries}
-    likelihood = likelihood.knowing([entry for entry in seen.values() if entry not in likelihood.known])
+    known = starts.likelihood.known
+    likelihood = starts.likelihood.knowing([entry for entry in seen.values() if entry not in known])
     best, tried = close[0], set[Names]()
     while best.names not in tried and len(tried) < CONTESTS:
         tried.add(best.names)
         for i in range(len(best.entries)):
             rest = best.begun_without(i)
             names = names_of(rest.entries)
-            known = starts.setdefault(names, [pool[names].begun] if names in pool else [])
+            less = begun.setdefault(names, [pool[names].begun] if names in pool else [])
             if rest.entries:  # a set that grew in one way may have missed what another way leads to
-                known.append(rest)
-            starts = {**{fit.names: [fit.begun] for fit in _exchanged(pool, best.entries, i)}, **starts}
+                less.append(rest)
+            begun = {**{fit.names: [fit.begun] for fit in _exchanged(pool, best.entries, i)}, **begun}
         among = _beyond_beside(likelihood.with_misfit_of(best.entries), contest)
-        fits = {names: _fitted(among, several) for names, several in starts.items()}
-        contest = Contest(among, fits, catalogue_size)
-        starts = {names: [fit.begun] for names, fit in fits.items()}
+        fits = {names: _fitted(among, several) for names, several in begun.items()}
+        contest = Contest(among, fits, starts)
+        begun = {names: [fit.begun] for names, fit in fits.items()}
         best = max(contest.fits.values(), key=lambda fit: contest.log_posterior(fit.names))
     return contest
 
 
 def _beyond_beside(likelihood: Likelihood, contest: Contest) -> Likelihood:
-    """The same, where the base may be off beyond its voltages at those to which the likeliest set moves the stage that
-    has an effect with a past like a voltage; of sets without one the voltages are those of the records."""
+    """The same likelihood, where the base may be off over the voltages to which the likeliest set with a leak, or what
+    else has a past like a voltage, drives the ceramic; unchanged where no set has one."""
     moving = [fit for fit in contest.fits.values() if any(stands_off(effect) for effect, _ in fit.entries)]
-    if not moving:
+    if not moving or likelihood.beyond is None:
         return likelihood
     likeliest = max(moving, key=lambda fit: contest.log_posterior(fit.names))
     return likelihood.missing_beyond(likeliest.entries, likeliest.terms.stood)

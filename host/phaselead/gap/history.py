@@ -21,8 +21,8 @@ from phaselead.record import Samples
 STANDING, LEAST_STANDING = 8, 2
 """How often what stood off before a record is found beside itself at most, and for a rough fit: budgets of time."""
 SMALL_AMOUNT = 0.05
-"""A change of what had stood off, in its prior deviations, within which it does in proportion what it does: little
-beside the thresholds of larger plays. By so much it is changed for its columns, and its search ends."""
+"""In prior deviations of what had stood off, the step of the finite difference for its columns, and the change at which
+its iteration stops: small beside the thresholds of larger plays, so that the answer is linear in it."""
 
 Stood = Mapping[str, tuple[float, ...]]
 """By effect what had stood off as a voltage before a record, in prior deviations of the state of each of its lags."""
@@ -78,8 +78,8 @@ def before_record(
     modelled: ModelledRun, entries: Sequence[Entry], beside: Sequence[Entry] = (), stood: Stood | None = None
 ) -> list[Samples]:
     """Columns (n, k) in um of what each effect had done before the record began, one deviation of the state of each of
-    its lags; k is 0 of one that is not slow. Of what stands off as a voltage it is what a little more does, beside
-    other effects and what had stood off already."""
+    its lags; k is 0 of one that is not slow. Where the past of an effect acts as a voltage, which is not linear, its
+    columns are the slope at ``stood`` with the effects ``beside`` acting."""
     run, stood = modelled.run, stood or {}
     since_s = run.t_s - run.t_s[0]
     found: list[Samples] = []
@@ -146,8 +146,7 @@ def from_its_memory(modelled: ModelledRun, entries: Sequence[SizedEffect]) -> Mo
 
 def left_um2(modelled: ModelledRun, entries: Sequence[Entry]) -> float:
     """Variance of what effects leave of a run, but for what they had done before it."""
-    error = modelled.error(entries)
-    error = error - error.mean()
+    error = modelled.error_about_mean(entries)
     return float(np.var(error - history_um(modelled, entries, error)))
 
 

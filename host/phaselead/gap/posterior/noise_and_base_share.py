@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
-from phaselead.gap.posterior.blocks import BlockedRun, Counts
+from phaselead.gap.posterior.blocks import BlockedRun
+from phaselead.gap.posterior.moments import Integers
 from phaselead.record import Samples
 
 BASE_SHARE = 0.01
@@ -68,13 +69,13 @@ class Expected:
         """Share (blocks,) of the power of its motion that the base misses of a run."""
         return self.share[self._blocks_at(run)]
 
-    def _blocks_at(self, run: BlockedRun) -> Counts:
+    def _blocks_at(self, run: BlockedRun) -> Integers:
         """Places here of the blocks of a run; of its level that of its lowest octave."""
         at = self._at(run.octaves)
         at[: run.first_octave] = at[1]
         return at
 
-    def counted(self, octaves: Counts, sizes: Counts, noise: Samples, missed: Samples) -> Samples:
+    def counted(self, octaves: Integers, sizes: Integers, noise: Samples, missed: Samples) -> Samples:
         """Effective number of coefficients (..., blocks) of blocks of ``sizes`` that hold noise and something missed,
         each of this power: noise says something new in each that it is spread over, what is missed is smooth and says
         it once. To what is missed comes by how much the mean power of noise differs by chance."""
@@ -82,7 +83,7 @@ class Expected:
         missed = missed + noise * np.sqrt(2 / n)
         return np.asarray(n * (noise + missed) / (noise + n * missed))
 
-    def _at(self, octaves: Counts) -> Counts:
+    def _at(self, octaves: Integers) -> Integers:
         """Places of octaves here, of those beyond the ends the nearest."""
         return np.clip(octaves - self.first, 0, len(self.share) - 1)
 
@@ -91,26 +92,19 @@ def expected_of(runs: Sequence[BlockedRun]) -> Expected:
     """From the reference records among the runs, or without them from a prior."""
     first = min(int(run.octaves[run.first_octave :].min()) for run in runs)
     count = max(int(run.octaves.max()) for run in runs) - first + 1
-    references = [i for i, run in enumerate(runs) if run.modelled.run.role == "reference"]
-    told_by = references or list(range(len(runs)))
-    left = {i: runs[i].base_left_um2 for i in told_by}
-    idle = [i for i in told_by if runs[i].modelled.run.idle]
-    rows = []
-    for i in told_by:
-        run, rest = runs[i], np.full(len(left[i]), i in idle)
-        parts = (run.octaves - first, left[i], run.motion, rest, run.sizes)
+    references = [run for run in runs if run.modelled.run.role == "reference"]
+    told_by, rows = references or list(runs), []
+    for run in told_by:
+        at_rest = np.full(len(run.sizes), run.modelled.run.idle)
+        parts = (run.octaves - first, run.base_left_um2, run.motion, at_rest, run.sizes)
         rows.append([part[run.first_octave :] for part in parts])
     octave, power, motion, at_rest, sizes = (np.concatenate(parts) for parts in zip(*rows, strict=True))
-    levels = _scatter([runs[i] for i in references])
+    levels, untold, driven = _scatter(references), np.full(count, UNTOLD), ~at_rest
     noise, noise_told = _noise(octave, power, at_rest, sizes, count)
-    noise_spread = _noise_spread([runs[i] for i in idle], first, count)
-    untold = np.full(count, UNTOLD)
-    if not references:
-        floor = np.full(count, float(np.min(noise)))
-        noise, noise_told = (noise, noise_told) if idle else (floor, untold)
-        return Expected(first, noise, np.full(count, BASE_SHARE**2), noise_told, untold, noise_spread, *levels)
-    driven = ~at_rest
-    if not driven.any():
+    noise_spread = _noise_spread([run for run in told_by if run.modelled.run.idle], first, count)
+    if not references and not at_rest.any():
+        noise, noise_told = np.full(count, float(np.min(noise))), untold
+    if not references or not driven.any():
         return Expected(first, noise, np.full(count, BASE_SHARE**2), noise_told, untold, noise_spread, *levels)
     octave, power, motion = octave[driven], power[driven], motion[driven]
     share = _share_of_motion(octave, power, motion, noise)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.signal import chirp
 
-from phaselead.gap.posterior.fault import as_fault
+from phaselead.gap.posterior.base_fault import as_fault
 from phaselead.gap.records import GapRun
 from phaselead.gap.residual import modelled_run
 from phaselead.model import AdoptedEffect, AxisModel, TimeView, effect
@@ -18,7 +18,7 @@ T_s = STEP_s * np.arange(8000)
 VIEW = TimeView(gain_um_per_V=8.0, u_range_V=(0.0, 8.0), rate_Hz=1 / STEP_s)
 MODE = AdoptedEffect(name="resonance", params={"f_Hz": 220.0, "zeta": 0.02})
 U_V = 4 + 3 * chirp(T_s, 1.0, 4.0, 500.0)
-RUN = GapRun("x", "train", T_s, U_V, 8 * U_V, None, 0, len(T_s), "made.csv", "", {}, {})
+RUN = GapRun("x", "train", T_s, U_V, 8 * U_V, None, 0, len(T_s), "made.csv", {}, {})
 
 
 def column(name, **sizes):

@@ -160,15 +160,15 @@ def _that_pay(likelihood: Likelihood, entries: Sequence[SizedEffect], claims: Se
 
 
 def _candidates(contest: Contest, found: Judgement) -> tuple[Candidate, ...]:
-    """The sets of the contest, the most probable first, and how they did."""
-    ranked = sorted(contest.fits.items(), key=lambda pair: -found.sets[pair[0]])[:SHOWN_SETS]
-    best, nothing = contest.log_posterior(ranked[0][0]), contest.log_evidence(())
-    leader, rows = "the best set" if ranked[0][0] else "nothing", []
-    for names, fit in ranked:
-        if names:
-            behind = best - contest.log_posterior(names)
+    """The sets of the contest, the best first and then the most probable, and how they did."""
+    ranked = sorted(contest.fits, key=lambda names: (names != found.best.names, -found.sets[names]))[:SHOWN_SETS]
+    best, nothing = contest.log_posterior(ranked[0]), contest.log_evidence(())
+    leader, rows = "the best set" if ranked[0] else "nothing", []
+    for names in filter(None, ranked):
+        remark = f"log odds {best - contest.log_posterior(names):.1f} behind {leader}"
+        if names == found.best.names:
             remark = NAMED if found.claims else NOT_NAMED
-            remark = remark if fit is found.best else f"log odds {behind:.1f} behind {leader}"
-            gained = contest.log_evidence(names) - nothing
-            rows.append(Candidate(len(names), " + ".join(names), gained, remark))
+        elif found.borne[names] != set(names):
+            remark = f"counts as {' + '.join(sorted(found.borne[names]))}"
+        rows.append(Candidate(len(names), " + ".join(names), contest.log_evidence(names) - nothing, remark))
     return tuple(rows)

@@ -10,11 +10,11 @@ from typing import NamedTuple, Self
 import numpy as np
 
 from phaselead.gap.base_refit import columns_beyond, span_of_fields
+from phaselead.gap.history import Stood, with_stood
 from phaselead.gap.parameters import SizedEffect
-from phaselead.gap.posterior.before import Stood, with_stood
+from phaselead.gap.posterior.base_fault import as_fault, fault_deviations
 from phaselead.gap.posterior.blocks import BlockedRun, Simulated
 from phaselead.gap.posterior.density import Density
-from phaselead.gap.posterior.fault import as_fault, fault_deviations
 from phaselead.gap.posterior.levels import about_their_sessions, with_levels_about_their_sessions
 from phaselead.gap.posterior.moments import SharedProducts
 from phaselead.gap.posterior.sets import confused
@@ -50,10 +50,8 @@ class MayMiss(Density):
     """What makes these columns, in this order, for any run."""
     known: tuple[SizedEffect, ...] = ()
     """Effects that explain much, by themselves or beside others: what may be taken for one another."""
-    may_be_off_beyond: bool = False
-    """Whether the base may be off beyond the voltages that it was fitted to."""
     beyond: Beyond | None = None
-    """The columns of that."""
+    """Where the base may be off beyond the voltages that it was fitted to, the columns of that."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -79,8 +77,6 @@ class MayMiss(Density):
     def missing_beyond(self, entries: Sequence[SizedEffect] = (), stood: Sequence[Stood] = ()) -> Self:
         """The same, where the base may be off beyond the voltages that it was fitted to, at the voltages of the records
         or, instead, at those to which some effects, and what had stood off by run, move them."""
-        if not self.may_be_off_beyond:
-            return self
         acting = self.acting(entries, stood)
         span, mine = span_of_fields(acting), list(zip(self.runs, acting, strict=True))
 

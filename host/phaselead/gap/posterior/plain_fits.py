@@ -6,13 +6,18 @@ So they are found from far away, and they predict. What their names are worth is
 from __future__ import annotations
 
 from collections.abc import Sequence
+from operator import itemgetter
 
 import numpy as np
-from numpy.typing import NDArray
 
 from phaselead.gap.least_squares import fitted_in_um
 from phaselead.gap.parameters import SizedEffect, stands_at_an_end
-from phaselead.gap.posterior import Fit, Histories, Likelihood, Starts, likelihood_of
+from phaselead.gap.posterior.contest import likelihood_of
+from phaselead.gap.posterior.first_order import Histories
+from phaselead.gap.posterior.likelihood import Likelihood
+from phaselead.gap.posterior.sets import Fit
+from phaselead.gap.posterior.shapes import Shapes
+from phaselead.gap.posterior.starts import Starts
 from phaselead.gap.regressors import RegressorGroup
 from phaselead.gap.residual import ModelledRun
 from phaselead.model import Effect
@@ -46,15 +51,11 @@ def each_fitted(
     starts = _PlainStarts(likelihood, effects, free)
     every = starts.beside(likelihood.fit(())).values()
     promising = sorted(every, key=lambda several: -max(start.gain for start in several))[:MOST_FITTED]
-    rough = [_least([fitted(start.entry, ROUGH_EVALUATIONS) for start in several]) for several in promising]
-    rough.sort(key=lambda one: one[0])
+    of_each = ([fitted(start.entry, ROUGH_EVALUATIONS) for start in several] for several in promising)
+    rough = sorted((min(tried, key=itemgetter(0)) for tried in of_each), key=itemgetter(0))
     found = [fitted(entry, EVALUATIONS) for _, entry in rough[:FITTED_TO_THE_END]] + rough[FITTED_TO_THE_END:]
     within = [(left, entry) for left, entry in found if not _as_large_as_it_can_be(entry)]
-    return [entry for _, entry in sorted(within, key=lambda one: one[0])]
-
-
-def _least(tried: Sequence[tuple[float, SizedEffect]]) -> tuple[float, SizedEffect]:
-    return min(tried, key=lambda one: one[0])
+    return [entry for _, entry in sorted(within, key=itemgetter(0))]
 
 
 def _as_large_as_it_can_be(entry: SizedEffect) -> bool:
@@ -91,19 +92,18 @@ class _PlainStarts(Starts):
     def moments(
         self,
         fit: Fit,
-        groups: Sequence[RegressorGroup],
-        columns: Sequence[NDArray[np.float32]],
+        shapes: Shapes,
         independent: Samples | float = 1.0,
         histories: Histories | None = None,
     ) -> list[tuple[RegressorGroup, Samples, Samples]]:
-        """Per group the slope (sizes,) and curvature (sizes, sizes) of the squares, beside the base whatever the
+        """Per shape the slope (sizes,) and curvature (sizes, sizes) of the squares, beside the base whatever the
         set, and without ``histories``."""
         runs, found, first = self.likelihood.runs, [], 0
         usual_um = runs[0].usual_um
         residual = self._free.taken_out(np.concatenate([run.base_error for run in runs]) / usual_um)[:, 0]
-        for group in groups:
+        for group in shapes.groups:
             last = first + len(group.steps)
-            mine = np.concatenate([one[:, first:last] for one in columns]).astype(np.float64) / usual_um
+            mine = np.concatenate([one[:, first:last] for one in shapes.columns]).astype(np.float64) / usual_um
             mine = self._free.taken_out(mine)
             found.append((group, mine.T @ residual, mine.T @ mine))
             first = last
