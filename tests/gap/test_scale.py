@@ -73,7 +73,7 @@ def test_references_of_a_stage_parked_elsewhere_than_at_0_V_are_asked_about_too(
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        (lambda u, x: (u, -x), "move -1 times"),
+        (lambda u, x: (u, -x), "move backwards, as far as the model says"),
         (lambda u, x: (1000 * u, x), "move 0.00"),
         (lambda u, x: (u, x / 1000), "move 0.001 times"),
         (lambda u, x: (x, u), "move 0.0"),
@@ -98,7 +98,7 @@ def test_what_a_stage_can_come_to_is_no_doubt():
 
 def test_records_of_one_part_alone_are_named():
     (line,) = doubts(lambda u, x: (u, -x), of=(False, True))
-    assert "the held-out records move -1 times" in line
+    assert "the held-out records move backwards, as far" in line
 
 
 @pytest.mark.parametrize("role", [0, 1])
@@ -123,7 +123,7 @@ def test_the_answer_says_it():
     assert "-1 times" in found.doubts[0]
     assert str(found).splitlines()[1].startswith("x: the records move -1 times")
     assert found.as_json()["doubts"] == list(found.doubts)
-    assert "move -1 times" in gap_page(found, "model.toml").split("<h2>")[0]
+    assert "move backwards, as far as the model says" in gap_page(found, "model.toml").split("<h2>")[0]
 
 
 def test_every_role_that_is_off_is_said():

@@ -17,7 +17,7 @@ from phaselead.gap.records import GapRun, Role
 from phaselead.gap.residual import RunResidual, modelled_run
 from phaselead.gap.selection import Selection
 from phaselead.identify import fitted_span_V
-from phaselead.model import AxisModel, Place, Stage, out_of_scale, range_um, scale_doubt
+from phaselead.model import AxisModel, Place, Stage, as_far, out_of_scale, range_um, scale_doubt
 from phaselead.quantity import digits
 from phaselead.record import Samples, factors_moved, in_another_unit, seem_exchanged, slow_gain, unit_remedy
 
@@ -271,7 +271,7 @@ def refuse_unlike_model(driven: Compared) -> None:
         swapped = _seems_exchanged(well[first][0])
         mend = "voltage and position seem exchanged: name them right" if swapped else unit_remedy(factor, of_all)
         raise BadInput(
-            f"{well[first][0].source}: axis {axis} moves {digits(factor, 2)} times as far as the model says"
+            f"{well[first][0].source}: axis {axis} moves {as_far(factor)}"
             f"{more_like_it(len(more))}; {mend}, or {instead}"
         )
 
@@ -303,7 +303,7 @@ def _one_out_of_scale(axis: str, driven: Sequence[Moved]) -> list[str]:
         return []
     (run, gain), *more = off
     return [
-        f"{run.source}: axis {axis} moves {digits(gain, 2)} times as far as the model says{more_like_it(len(more))}: "
+        f"{run.source}: axis {axis} moves {as_far(gain)}{more_like_it(len(more))}: "
         "check its units, signs and columns, or leave it out"
     ]
 

@@ -219,8 +219,8 @@ def table_fit(points: Sequence[TablePoint]) -> TableView:
     frequencies = distinct([p.f_Hz for p in points])
     if len(levels) < FEWEST_LEVELS or len(frequencies) < FEWEST_FREQUENCIES:
         raise BadInput(
-            f"a table view needs at least {FEWEST_LEVELS} levels and {FEWEST_FREQUENCIES} frequencies, "
-            f"not {len(levels)} and {len(frequencies)}; record more sines"
+            f"a table view needs sines of at least {FEWEST_LEVELS} levels and of {FEWEST_FREQUENCIES} frequencies, "
+            f"and there are {len(levels)} and {len(frequencies)}"
         )
     swing, f = _column(points, "swing_V"), _column(points, "f_Hz")
     X = regressors(swing, f)

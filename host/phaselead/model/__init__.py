@@ -81,7 +81,7 @@ from phaselead.model.operator import (
 )
 from phaselead.model.play_density import EVEN_DENSITY, MOST_UNEVEN, PlayDensity
 from phaselead.model.prediction import driven_far_beyond, in_other_times, predict
-from phaselead.model.scale import out_of_scale, scale_doubt
+from phaselead.model.scale import as_far, out_of_scale, scale_doubt
 from phaselead.model.sections import HOLD_S, LATCH_S, TICK_S, Section
 from phaselead.model.sensor_lag import sensor_lag_s
 from phaselead.model.stage_argument import StageLike, as_stage
@@ -152,6 +152,7 @@ __all__ = [
     "TableView",
     "TimeView",
     "VirtualAxis",
+    "as_far",
     "as_stage",
     "behind_modes",
     "catalogue",

@@ -20,10 +20,14 @@ def out_of_scale(gain: float | None) -> bool:
     return gain is not None and not low <= gain <= high
 
 
+def as_far(gain: float) -> str:
+    """How far something moves that moves so many times as the model says, backwards where that is below 0."""
+    times = digits(abs(gain), 2)
+    how = "as far as the model says" if float(times) == 1 else f"{times} times as far as the model says"
+    return f"backwards, {how}" if gain < 0 else how
+
+
 def scale_doubt(gains: Iterable[float]) -> str:
     """What is said of records that move so many times as far as they should."""
-    numbers = " and ".join(dict.fromkeys(digits(gain, 2) for gain in gains))
-    return (
-        f"{numbers} times as far as the model says: check units, signs and columns, or give --map; or the model is of "
-        "another stage"
-    )
+    each = " and ".join(dict.fromkeys(map(as_far, gains)))
+    return f"{each}: check units, signs and columns, or give --map; or the model is of another stage"
