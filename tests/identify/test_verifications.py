@@ -61,7 +61,7 @@ def test_where_no_record_is_left_it_is_refused():
 
 @pytest.mark.parametrize(
     ("gain", "volts", "said"),
-    [(1e-6, 1.0, "moves 1e-06 times"), (1.0, 15.0, "moves 0.067 times"), (-1.0, 1.0, "moves -1 times")],
+    [(1e-6, 1.0, "moves 1e-06 times"), (1.0, 15.0, "moves 0.067 times"), (-1.0, 1.0, "moves backwards")],
     ids=["metres for um", "volts of the amplifier's output", "turned round"],
 )
 def test_another_unit_or_sign_is_said_in_one_line(gain, volts, said):

@@ -23,8 +23,9 @@ def out_of_scale(gain: float | None) -> bool:
 def as_far(gain: float) -> str:
     """How far something moves that moves so many times as the model says, backwards where that is below 0."""
     times = digits(abs(gain), 2)
-    how = "as far as the model says" if float(times) == 1 else f"{times} times as far as the model says"
-    return f"backwards, {how}" if gain < 0 else how
+    if gain < 0 and float(times) == 1:
+        return "backwards beside the model"
+    return f"{'backwards, ' if gain < 0 else ''}{times} times as far as the model says"
 
 
 def scale_doubt(gains: Iterable[float]) -> str:
