@@ -11,8 +11,8 @@ GAINS = {"x": design_gains("x", AXIS)}
 SINE = parse_wave("sine:30um@20Hz")
 
 
-def learned_with(learned, folder, trials=4, **options):
+def learned_with(unlike_model, folder, trials=4, **options):
     path = folder / "stage.toml"
-    learned.save(path, overwrite=True)
+    unlike_model.save(path, overwrite=True)
     with Device.open(f"sim://{path}") as device:
         return learn(device, {"x": SINE}, stage=STAGE, gains=GAINS, trials=trials, turn_down=True, **options)

@@ -27,9 +27,9 @@ from phaselead.waveforms.catalogue import parse_wave
 
 
 @pytest.fixture(scope="module")
-def outcome(learned, tmp_path_factory):
+def outcome(unlike_model, tmp_path_factory):
     path = tmp_path_factory.mktemp("stage") / "stage.toml"
-    learned.save(path, overwrite=True)
+    unlike_model.save(path, overwrite=True)
     with Device.open(f"sim://{path}") as device:
         found = learn(device, {"x": SINE}, stage=STAGE, gains=GAINS, trials=5)
         run = track(
@@ -49,12 +49,12 @@ def test_what_is_learned_is_several_times_better(outcome):
     assert run.figures["true"]["max_um"] < 0.003 * SINE.swing
 
 
-def test_the_device_itself_plays_it_for_its_path_mode_and_model_alone(outcome, learned, tmp_path):
+def test_the_device_itself_plays_it_for_its_path_mode_and_model_alone(outcome, unlike_model, tmp_path):
     """Whatever host asks: the table's identity is with its points."""
     found, _ = outcome
     played = found.waveforms({"x": SINE}, STAGE.sha256, found.mode, GAINS)["x"]
     asked = {"swing": played.swing, "offset": played.offset, "f_Hz": played.f_Hz}
-    learned.save(tmp_path / "stage.toml")
+    unlike_model.save(tmp_path / "stage.toml")
 
     def refused(mode=found.mode, **other):
         device.set_axis("x", mode)
@@ -127,7 +127,7 @@ def test_what_a_refusal_of_a_single_drive_names_is_learned(tmp_path):
             assert len(dev.learn(named, model=STAGE, trials=1).trials) == 2
 
 
-def test_a_later_fault_ends_it_with_the_best_trial_kept(monkeypatch, learned, tmp_path):
+def test_a_later_fault_ends_it_with_the_best_trial_kept(monkeypatch, unlike_model, tmp_path):
     runs = []
 
     def driven(*arguments, **options):
@@ -136,7 +136,7 @@ def test_a_later_fault_ends_it_with_the_best_trial_kept(monkeypatch, learned, tm
         runs.append(track(*arguments, **options))
         return runs[-1]
 
-    learned.save(tmp_path / "stage.toml", overwrite=True)
+    unlike_model.save(tmp_path / "stage.toml", overwrite=True)
     monkeypatch.setattr(drive, "track", driven)
     with Device.open(f"sim://{tmp_path / 'stage.toml'}") as device:
         found = learn(device, {"x": SINE}, stage=STAGE, gains=GAINS, trials=5)
@@ -169,18 +169,18 @@ def test_what_trials_are_judged_by_is_shown(outcome):
     assert first.judged_pct == pytest.approx(100 * first.rms_um["x"] / swing_um, rel=0.2)
 
 
-def test_a_response_that_the_model_has_wrong_is_found_out(monkeypatch, learned, tmp_path):
+def test_a_response_that_the_model_has_wrong_is_found_out(monkeypatch, unlike_model, tmp_path):
     """At the model's mode, which the stage has 5 % lower, a path comes out turned round."""
     monkeypatch.setattr(Moved, "surely", False)  # else its inverse is put right
-    learned.save(tmp_path / "stage.toml", overwrite=True)
+    unlike_model.save(tmp_path / "stage.toml", overwrite=True)
     with Device.open(f"sim://{tmp_path / 'stage.toml'}") as device:
         found = learn(device, {"x": parse_wave("sine:5um@200Hz")}, stage=STAGE, gains=GAINS, trials=6)
     assert found.trials[1].probed_lines["x"] > 0
     assert found.best.rms_um["x"] < found.trials[0].rms_um["x"] / 10
 
 
-def test_a_trial_that_is_worse_leaves_no_trace(monkeypatch, learned, tmp_path):
-    learned.save(tmp_path / "stage.toml", overwrite=True)
+def test_a_trial_that_is_worse_leaves_no_trace(monkeypatch, unlike_model, tmp_path):
+    unlike_model.save(tmp_path / "stage.toml", overwrite=True)
     tables = []
     for trials in (1, 2):
         runs = []
@@ -196,8 +196,8 @@ def test_a_trial_that_is_worse_leaves_no_trace(monkeypatch, learned, tmp_path):
     assert (tables[0].paths["x"].played_um == tables[1].paths["x"].played_um).all()
 
 
-def test_a_correction_larger_than_allowed_is_not_driven(monkeypatch, learned, tmp_path):
-    learned.save(tmp_path / "stage.toml", overwrite=True)
+def test_a_correction_larger_than_allowed_is_not_driven(monkeypatch, unlike_model, tmp_path):
+    unlike_model.save(tmp_path / "stage.toml", overwrite=True)
     monkeypatch.setattr(drive, "LARGEST_CORRECTION", 1e-4)
     with Device.open(f"sim://{tmp_path / 'stage.toml'}") as device:
         found = learn(device, {"x": SINE}, stage=STAGE, gains=GAINS, trials=3)
@@ -211,7 +211,7 @@ def test_trials_are_long_enough_to_settle_and_to_hear():
     assert trial_seconds(waves) == pytest.approx(20.0)
 
 
-def test_half_of_a_step_is_tried_where_the_model_refuses_all_of_it(monkeypatch, learned, tmp_path):
+def test_half_of_a_step_is_tried_where_the_model_refuses_all_of_it(monkeypatch, unlike_model, tmp_path):
     """One refusal of a rehearsal ended it, and what had been learned was begun anew with more feedback."""
     changes, rehearses = [], drive.rehearse
 
@@ -222,7 +222,7 @@ def test_half_of_a_step_is_tried_where_the_model_refuses_all_of_it(monkeypatch, 
         rehearses(waves, *arguments)
 
     monkeypatch.setattr(drive, "rehearse", once_refused)
-    learned.save(tmp_path / "stage.toml", overwrite=True)
+    unlike_model.save(tmp_path / "stage.toml", overwrite=True)
     with Device.open(f"sim://{tmp_path / 'stage.toml'}") as device:
         found = learn(device, {"x": SINE}, stage=STAGE, gains=GAINS, trials=2)
     assert len(found.trials) == 3
@@ -233,7 +233,7 @@ def test_half_of_a_step_is_tried_where_the_model_refuses_all_of_it(monkeypatch, 
 
 
 @pytest.mark.parametrize("number", [1, 2, 4])
-def test_a_run_that_cannot_be_kept_is_said(monkeypatch, number, learned, tmp_path):
+def test_a_run_that_cannot_be_kept_is_said(monkeypatch, number, unlike_model, tmp_path):
     """It was taken for a step that the model refuses, and the trial after it for the same one."""
 
     class Full(KeptRuns):
@@ -243,4 +243,4 @@ def test_a_run_that_cannot_be_kept_is_said(monkeypatch, number, learned, tmp_pat
             return super().add(name, run)
 
     with pytest.raises(BadInput, match="the disk is full"):
-        learned_with(learned, tmp_path, trials=10, kept=Full(None))
+        learned_with(unlike_model, tmp_path, trials=10, kept=Full(None))

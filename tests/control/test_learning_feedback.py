@@ -32,9 +32,9 @@ def test_feedback_is_turned_down_as_far_as_drift_allows():
     assert shares[-1] == 0.25
 
 
-def test_gains_of_one_kind_alone_are_learned_with(learned, tmp_path):
+def test_gains_of_one_kind_alone_are_learned_with(unlike_model, tmp_path):
     """Without an integral part the share of the feedback was a division by zero, after all trials were driven."""
-    learned.save(tmp_path / "stage.toml", overwrite=True)
+    unlike_model.save(tmp_path / "stage.toml", overwrite=True)
     proportional = Gains(kp_V_per_um=0.0005, ki_V_per_um_s=0.0, kd_V_s_per_um=0.0)
     with Device.open(f"sim://{tmp_path / 'stage.toml'}") as device:
         gains = {"x": proportional}
@@ -45,9 +45,9 @@ def test_gains_of_one_kind_alone_are_learned_with(learned, tmp_path):
     assert share_of(scaled(proportional, 0.0), scaled(proportional, 0.0)) == 1
 
 
-def test_a_path_is_learned_with_less_feedback_and_the_table_says_so(learned, tmp_path):
+def test_a_path_is_learned_with_less_feedback_and_the_table_says_so(unlike_model, tmp_path):
     """The noise of the sensor, which the loop makes a motion of, was most of what was left."""
-    found = learned_with(learned, tmp_path)
+    found = learned_with(unlike_model, tmp_path)
     own = found.gains()["x"]
     assert own.ki_V_per_um_s == 0.25 * GAINS["x"].ki_V_per_um_s
     assert own.kd_V_s_per_um == 0.25 * GAINS["x"].kd_V_s_per_um
@@ -68,9 +68,9 @@ def test_a_path_is_learned_with_less_feedback_and_the_table_says_so(learned, tmp
     assert found.best.rms_um["x"] < found.trials[0].rms_um["x"] / 3
 
 
-def test_all_feedback_is_kept_where_less_leaves_more(monkeypatch, learned, tmp_path):
+def test_all_feedback_is_kept_where_less_leaves_more(monkeypatch, unlike_model, tmp_path):
     monkeypatch.setattr(course, "larger", lambda after, before: True)
-    found = learned_with(learned, tmp_path)
+    found = learned_with(unlike_model, tmp_path)
     assert found.gains() == GAINS
     assert "gains" not in found.reason
     assert found.best.rms_um["x"] < found.trials[0].rms_um["x"] / 3
@@ -90,16 +90,16 @@ def refused_below(monkeypatch, share):
 
 
 @pytest.mark.parametrize("share", [0.5, 1.0])
-def test_feedback_comes_back_as_far_as_less_of_it_cannot_reach_a_line(monkeypatch, share, learned, tmp_path):
+def test_feedback_comes_back_as_far_as_less_of_it_cannot_reach_a_line(monkeypatch, share, unlike_model, tmp_path):
     """A path at a mode that the model has 10 % off was left at 29 % of its swing."""
     refused_below(monkeypatch, share)
-    found = learned_with(learned, tmp_path)
+    found = learned_with(unlike_model, tmp_path)
     assert found.gains() == {"x": GAINS["x"] if share == 1 else scaled(GAINS["x"], share)}
     assert len(found.trials) > 3
     assert found.best.rms_um["x"] < found.trials[1].rms_um["x"]
 
 
-def test_feedback_stays_down_where_more_of_it_would_not_reach_further(monkeypatch, learned, tmp_path):
+def test_feedback_stays_down_where_more_of_it_would_not_reach_further(monkeypatch, unlike_model, tmp_path):
     """Learned to 0.06 %, a triangle was begun anew with all of its feedback, for lines that no loop reaches."""
     judges, driven = drive.Drive._judged, []
 
@@ -111,12 +111,12 @@ def test_feedback_stays_down_where_more_of_it_would_not_reach_further(monkeypatc
         return look
 
     monkeypatch.setattr(drive.Drive, "_judged", with_more_at_the_highest_line)
-    found = learned_with(learned, tmp_path, trials=12)
+    found = learned_with(unlike_model, tmp_path, trials=12)
     assert "as asked" not in found.reason
     assert set(driven[1:]) == {0.25}
 
 
-def test_a_first_correction_with_less_feedback_that_does_harm_is_taken_back(monkeypatch, learned, tmp_path):
+def test_a_first_correction_with_less_feedback_that_does_harm_is_taken_back(monkeypatch, unlike_model, tmp_path):
     """A probe of 0.1 um at a mode that the model lacks made 2 um, and everything after it went on from there."""
     corrections, looks = [], drive.Drive.look
 
@@ -128,7 +128,7 @@ def test_a_first_correction_with_less_feedback_that_does_harm_is_taken_back(monk
         return look
 
     monkeypatch.setattr(drive.Drive, "look", harmed)
-    found = learned_with(learned, tmp_path)
+    found = learned_with(unlike_model, tmp_path)
     assert found.gains()["x"].ki_V_per_um_s == 0.25 * GAINS["x"].ki_V_per_um_s
     assert np.abs(corrections[2]).sum() < 0.75 * np.abs(corrections[1]).sum()  # half of the step, from where it began
 
@@ -143,19 +143,19 @@ def test_feedback_is_doubled_and_never_more_than_asked_for():
     assert louder(none, none) == none
 
 
-def test_where_noise_is_left_feedback_goes_down_further_at_the_same_voltage(learned, tmp_path):
+def test_where_noise_is_left_feedback_goes_down_further_at_the_same_voltage(unlike_model, tmp_path):
     """30 um at 50 Hz on a stage with 10 % less gain was left with 8 nm rms of noise, 3.4 with a sixteenth. Here the
     sensor has twice the usual noise, so that what is left is clearly that."""
-    axis = learned.axes["x"]
+    axis = unlike_model.axes["x"]
     noisy = axis.model_copy(update={"sensor": Sensor(noise_um_rms=2 * axis.sensor.noise_um_rms)})
-    found = learned_with(learned.model_copy(update={"axes": {"x": noisy}}), tmp_path, trials=10)
+    found = learned_with(unlike_model.model_copy(update={"axes": {"x": noisy}}), tmp_path, trials=10)
     own = found.gains()["x"]
     assert own.ki_V_per_um_s < 0.25 * GAINS["x"].ki_V_per_um_s
     assert found.best.rms_um["x"] < found.trials[0].rms_um["x"] / 3
 
 
 @pytest.mark.parametrize(("quiet", "times"), [(True, 2), (False, 1)])
-def test_feedback_that_leaves_no_less_noise_is_not_gone_on_with(monkeypatch, quiet, times, learned, tmp_path):
+def test_feedback_that_leaves_no_less_noise_is_not_gone_on_with(monkeypatch, quiet, times, unlike_model, tmp_path):
     learns, begun = course._Course._learn, []
 
     def counted(self, base, *arguments):
@@ -164,5 +164,5 @@ def test_feedback_that_leaves_no_less_noise_is_not_gone_on_with(monkeypatch, qui
 
     monkeypatch.setattr(course._Course, "_learn", counted)
     monkeypatch.setattr(Look, "rests_less_than", lambda self, other: quiet)
-    learned_with(learned, tmp_path, trials=10)
+    learned_with(unlike_model, tmp_path, trials=10)
     assert len(begun) == times

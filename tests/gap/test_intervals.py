@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.stats import chi2
 
-from phaselead.gap.error_rates import TWO_SIDED_95
+from phaselead.gap.error_rates import SURE, TWO_SIDED_95
 from phaselead.gap.parameters import internal, internal_unit, is_logarithmic, parameters_of
 from phaselead.gap.posterior.interval import intervals, shows_itself
 from phaselead.model.effects import effect
@@ -81,15 +82,22 @@ def test_what_is_sure_of_its_sign_whatever_its_shape_bears_its_name():
 
 
 @given(fitted(), st.floats(-0.5, 0.5))
-def test_an_effect_of_one_size_that_shows_itself_has_an_interval_clear_of_nothing(case, moved):
+def test_an_effect_of_one_size_shows_itself_where_that_is_surely_not_0(case, moved):
+    """And has then an interval clear of nothing."""
     entries, covariance = case
     chosen = [(effect, {p.name: params[p.name] * (1 + moved) for p in effect.parameters}) for effect, params in entries]
-    values = intervals(entries, covariance, chosen)
-    for (effect_, _), one, shown in zip(entries, values, shows_itself(entries, covariance, chosen), strict=True):
-        sizes = [one[p.name] for p in effect_.sizes if not p.by_itself]
-        if len(sizes) == 1:
-            _, _, (low, high) = sizes[0]
-            assert not shown or low > 0 or high < 0
+    values, of = intervals(entries, covariance, chosen), parameters_of(entries)
+    at, middle = internal(chosen), internal(entries)
+    for i, (one, shown) in enumerate(zip(values, shows_itself(entries, covariance, chosen), strict=True)):
+        sizes = [k for k, (j, p) in enumerate(of) if j == i and p.role == "size" and not p.by_itself]
+        if len(sizes) != 1:
+            continue
+        (k,) = sizes
+        least = np.sqrt(chi2.ppf(SURE, 1)) * at_given_shapes(entries, covariance, k) + abs(at[k] - middle[k])
+        assert shown == (abs(at[k]) > least) or abs(at[k] / least - 1) < 1e-6
+        if shown:
+            _, _, (low, high) = one[of[k][1].name]
+            assert low > 0 or high < 0
 
 
 def friction(growth, stribeck, coulomb):

@@ -32,7 +32,7 @@ def answer(withdraw: bool):
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(axis, "unexplained", lambda *residuals, of_any_size: Unexplained(0.05, 1e-4))
-        patch.setattr(axis, "more_than_equations_miss", lambda left, gap, excused: withdraw)
+        patch.setattr(axis, "too_much_for_names", lambda left, gap: withdraw)
         patch.setattr(run, "search_axis", kept)
         run.run_gap(fit(reference)[0], train, holdout, reference, without=without)
     return found[0]

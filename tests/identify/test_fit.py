@@ -15,7 +15,7 @@ from phaselead.identify.fitting import FitReport, fit
 from phaselead.identify.odd_record import refuse_turned_round
 from phaselead.identify.plan import AROUND_S, HELD_OUT, plan_grid, plan_seconds
 from phaselead.identify.runs import axis_run
-from phaselead.identify.table import grid_table
+from phaselead.identify.table import lock_in, table_fit
 from phaselead.identify.verification import verification_dict, verify
 from phaselead.identify.words import noise_um_rms
 from phaselead.model.prediction import predict
@@ -64,7 +64,7 @@ def test_a_grid_gives_both_views(grid, fitted):
     creep, mode = model.effects
     assert creep.params["gamma"] == pytest.approx(0.006, rel=0.5)
     assert np.ravel(mode.params["f_Hz"]) == pytest.approx([200.0], rel=0.02)
-    assert model.table == grid_table(grid)
+    assert model.table == table_fit([lock_in(axis_run(recording, "x")).point() for recording in grid])
 
 
 def test_the_table_view_from_rest_is_as_good_as_the_papers(fitted):

@@ -310,7 +310,7 @@ def test_a_position_that_does_not_follow_the_voltage_is_described_by_nothing():
     x_um = np.cumsum(np.random.default_rng(6).normal(0, 1, len(T_s)))
     made = recording(t_s=T_s, u_V=U_V, x_um=x_um, source="rec.csv")
     assert told(verify(STAGE, made)) == []
-    assert any("no shift, gain or delay of up to 50 ms describes it" in line for line in verify(FITTED, made).remarks())
+    assert any("no shift or delay of up to 50 ms describes it" in line for line in verify(FITTED, made).remarks())
 
 
 def test_what_is_left_beside_a_change_is_told_where_it_is_much():
@@ -352,6 +352,35 @@ def test_a_step_that_comes_late_is_told(rows, at):
     assert not any("something else" in line for line in found.remarks())
 
 
+@pytest.mark.parametrize("late_s", [0.025, 0.03, 0.04, 0.048])
+def test_a_delay_of_nearly_a_quarter_of_a_period_is_told(late_s):
+    """From an eighth on the position hardly goes with the prediction row by row: no delay was looked for."""
+    described = verify(FITTED, changed(late_s=late_s))[0].described
+    assert described is not None
+    assert [(change.what, round(change.value, 3)) for change in described.ways[0].changes] == [("delay", late_s)]
+
+
+def test_without_its_mean_a_delay_is_told_as_with_it():
+    """What a delay moves out of the record had changed the mean, and something else was said to have changed."""
+    u_V = 2.5 - 2.5 * np.cos(2 * np.pi * T_s)
+    late_um = 20 * np.interp(T_s - 0.1, T_s, u_V) + np.random.default_rng(8).normal(0, 0.01, len(T_s))
+    made = recording(t_s=T_s, u_V=u_V, x_um=late_um, source="rec.csv")
+    for refit_offset in (False, True):
+        (line,) = told(verify(FITTED, made, refit_offset=refit_offset))
+        assert "comes 100 ms later" in line
+        assert "something else" not in line
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_late_step_near_the_end_of_a_short_window_is_no_search_among_no_rows():
+    u_V = np.interp(np.arange(len(T_s)), [len(T_s) - 12, len(T_s) - 11], [0.0, 5.0])
+    x_um = 20 * np.roll(u_V, 5) + np.random.default_rng(9).normal(0, 0.01, len(T_s))
+    whole = recording(t_s=T_s, u_V=u_V, x_um=x_um, source="step.csv")
+    (found,) = verify(FITTED, replace(whole, scored=slice(len(T_s) - 20, None)))
+    assert found.described is not None
+    assert found.described.latest_s < 20 / RATE_HZ
+
+
 def test_records_that_the_model_was_fitted_on_are_said_to_be():
     made = replace(changed(), sha256="0" * 64)
     fitted = fit(made).model
@@ -359,6 +388,14 @@ def test_records_that_the_model_was_fitted_on_are_said_to_be():
     assert [one.fitted_on for one in found] == [True, False]
     assert "rec.csv: the model was fitted on rows of it" in found.remarks()
     assert [one.get("fitted_on") for one in found.as_dict()["records"]] == [True, None]
+
+
+def test_another_window_of_the_same_file_is_no_record_that_the_model_was_fitted_on():
+    made, half = replace(changed(), sha256="0" * 64), len(T_s) // 2
+    early, late = replace(made, scored=slice(0, half)), replace(made, scored=slice(half, None))
+    fitted = fit(early).model
+    assert [one.fitted_on for one in verify(fitted, [early, late, made])] == [True, False, True]
+    assert len(fit([early, late]).model.provenance.data) == 2
 
 
 def test_records_that_move_as_no_stage_does_are_told_that_alone():

@@ -25,9 +25,15 @@ from phaselead.gap.findings import (
     Trace,
 )
 from phaselead.gap.floor import floor_of
-from phaselead.gap.goodness_of_fit import FinalFit, excused_um2, final_fit, more_than_equations_miss
+from phaselead.gap.goodness_of_fit import (
+    FinalFit,
+    excused_um2,
+    final_fit,
+    more_than_equations_miss,
+    too_much_for_names,
+)
 from phaselead.gap.locate import rank_cells
-from phaselead.gap.posterior import MOST_MISSED, Claim, goes_on_between_records, levels_say
+from phaselead.gap.posterior import Claim, goes_on_between_records, levels_say
 from phaselead.gap.provisional import nearest_that_pays
 from phaselead.gap.records import GapRun
 from phaselead.gap.scale import FarAbove, far_above_known, led_beyond_fit, unlike_others
@@ -159,7 +165,7 @@ def search_axis(
             *([_something_more(selection, taken)] if selection.something_unnamed else []),
             *left.messages,
             *other.messages,
-            *(about_limits(model) if vouched.ties else []),
+            *(about_limits(model) if _ties_to_break(vouched.selection) else []),
             *_still_under_way(final, final.gap if other.drift_um_per_s else final.without_history().gap),
         ],
         adopted=kept,
@@ -259,8 +265,7 @@ def _left_by(claimed: _Claimed, final: FinalFit, other: VoltageIndependent) -> _
     # Beside a name, that something more is there is a claim too.
     clean = final.without_history(other.drift_um_per_s)
     left, gap = unexplained(clean.train, clean.holdout, reference, of_any_size=not anything), clean.gap
-    # Equations that bear their names miss no more than such a share of the whole gap before.
-    if anything and more_than_equations_miss(left, gap, (MOST_MISSED * gap.before) ** 2):
+    if anything and too_much_for_names(left, gap):
         return _Remainder(left, beyond_equations=True, too_much=True)
     # Where nothing is claimed, the model describes the training records too, or something is there.
     above = far_above_known(final, clean.holdout if anything else [*clean.holdout, *clean.train])
@@ -314,10 +319,15 @@ def _untested(refused: dict[str, str], other: VoltageIndependent, taken: set[str
 
 
 def _proposal(selection: Selection) -> NextExperiment | None:
-    """The experiment that would best break the first tie of the search; None where it has no tie of two members that
-    were fitted and may be named. Ties of a moved zero are none of the search."""
-    ties = [c for c in selection.claims if len(c.rivals) > 1 and not selection.nameless & set(c.tied)]
+    """The experiment that would best break the first tie of the search; None where it has none, or where the stage
+    file's limits leave none."""
+    ties = _ties_to_break(selection)
     return propose(selection, ties[0]) if ties else None
+
+
+def _ties_to_break(selection: Selection) -> list[Claim]:
+    """Those of two members that were fitted and may be named. Ties of a moved zero are none of the search."""
+    return [c for c in selection.claims if len(c.rivals) > 1 and not selection.nameless & set(c.tied)]
 
 
 def _why(claim: Claim) -> str:

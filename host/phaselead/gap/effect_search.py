@@ -162,10 +162,10 @@ def _that_pay(likelihood: Likelihood, entries: Sequence[SizedEffect], claims: Se
 def _candidates(contest: Contest, found: Judgement) -> tuple[Candidate, ...]:
     """The sets of the contest, the best first and then the most probable, and how they did."""
     ranked = sorted(contest.fits, key=lambda names: (names != found.best.names, -found.sets[names]))[:SHOWN_SETS]
-    best, nothing = contest.log_posterior(ranked[0]), contest.log_evidence(())
-    leader, rows = "the best set" if ranked[0] else "nothing", []
+    leader, nothing = max(ranked, key=contest.log_posterior), contest.log_evidence(())
+    first, rows = "the most probable set" if leader else "nothing", []
     for names in filter(None, ranked):
-        remark = f"log odds {best - contest.log_posterior(names):.1f} behind {leader}"
+        remark = f"log odds {contest.log_posterior(leader) - contest.log_posterior(names):.1f} behind {first}"
         if names == found.best.names:
             remark = NAMED if found.claims else NOT_NAMED
         elif found.borne[names] != set(names):

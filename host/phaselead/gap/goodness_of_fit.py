@@ -213,6 +213,11 @@ def excused_um2(gap: GapSize, exactly_um2: float = 0.0) -> float:
     return MOST_MISSED**2 * (explained_um2 - exactly_um2) + LEAST_OF_MATERIAL**2 * exactly_um2
 
 
+def too_much_for_names(left: Unexplained, gap: GapSize) -> bool:
+    """Whether so much of the gap before can be predicted beside names that their equations do not bear these."""
+    return more_than_equations_miss(left, gap, (MOST_MISSED * gap.before) ** 2)
+
+
 def more_than_equations_miss(left: Unexplained, gap: GapSize, excused: float) -> bool:
     """Whether more can be predicted from the voltage beside names than this power in um^2, which is excused."""
     return left.something_missing and left.share * gap.after**2 > excused

@@ -121,7 +121,7 @@ class GapResult(Result):
             "untestable": list(self.untestable),
             "untestable_why": {name: self.untestable_why.get(name, "") for name in self.untestable},
             "where": [_cell(c) for c in self.where],
-            "gap": {name: value for name, value in vars(self.gap).items() if name != "floor_is_after"},
+            "gap": {name: getattr(self.gap, name) for name in ("before", "after", "floor", "unit", "floor_from")},
             "unexplained": None if self.unexplained is None else self.unexplained.as_dict(),
             "next_experiment": _experiment(self.next_experiment),
             "doubts": list(self.doubts),

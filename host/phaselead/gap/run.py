@@ -86,8 +86,8 @@ def _provisional_doubts(stage: Stage, axes: Sequence[str]) -> list[str]:
     """One line for each axis whose model has effects that no records vouched for: they hide what they stand for."""
     unsure = {axis: [e.name for e in stage.axes[axis].effects if e.status == PROVISIONAL] for axis in axes}
     return [
-        f"{axis}: the model holds {', '.join(names)} provisionally, a name that no records vouch for; only what "
-        "changed since is looked for. If `gap` put it there, the model from before shows what it is"
+        f"{axis}: the model holds {', '.join(names)} provisionally, a name that no records vouch for, and only what "
+        "changed since is looked for; to look for what it is, run gap with the model from before it was adopted"
         for axis, names in unsure.items() if names
     ]  # fmt: skip
 

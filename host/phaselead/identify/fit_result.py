@@ -72,7 +72,10 @@ class FitResult(Result):
 
     def summary(self) -> list[str]:
         """Each axis in a line of words."""
-        found = [describe_axis(axis, self.model.axis(axis), self.records) for axis in self.report.time]
+        straight = self.report.base == "linear"
+        found = [
+            describe_axis(axis, self.model.axis(axis), self.records, straight=straight) for axis in self.report.time
+        ]
         return found if self.report.coupling is None else [*found, describe_coupling(self.report.coupling[0])]
 
     def doubts(self) -> list[str]:

@@ -60,6 +60,8 @@ class FitReport:
     messages: list[str] = field(default_factory=list)
     left_out: list[str] = field(default_factory=list)
     """Records, or axes of records, of which nothing was used: which, why, and what to do."""
+    base: Base = "operator"
+    """What was fitted."""
 
     def lines(self) -> list[str]:
         found: list[str] = []
@@ -183,7 +185,7 @@ def fit(
         cross_coupling=coupling[0] if coupling and len(axes) > 1 else None,
         axes=axes,
     )
-    return stage, FitReport(time, table, coupling, doubts + messages, left_out)
+    return stage, FitReport(time, table, coupling, doubts + messages, left_out, base)
 
 
 def _beyond_what_is_known(axis: str, model: AxisModel, runs: Sequence[AxisRun]) -> list[str]:

@@ -53,7 +53,8 @@ def refuse_turned_round(runs: Sequence[AxisRun]) -> None:
     usual, unlike = (rising, falling) if len(rising) >= len(falling) else (falling, rising)
     if not unlike:
         return
-    there = [turned(run) if i in unlike else run for i, run in enumerate(runs)]
+    # Sensors that all count backwards are fitted turned round, as `fit` does.
+    there = [turned(run) if (i in unlike) == (usual is rising) else run for i, run in enumerate(runs)]
     try:
         mended = max(shares_left_by(*fit_together(there), there))
     except BadInput:

@@ -32,7 +32,9 @@ reason. Chosen."""
 FAR_WORSE = 10.0
 """Times the rms that the fit left: more than that is no matter of another record. Chosen."""
 LATEST = 0.25
-"""Of a period: a sine that comes later looks like one that comes earlier."""
+"""Of a period, or of the scored rows where nothing repeats: a sine that comes later looks like one that is earlier."""
+KNOWN = 0.5
+"""Of the scored rows: of a prediction that is known in fewer, once it comes later or earlier, nothing is said."""
 JUMP_SHARE = 0.25
 """Of the range: what a prediction moves by more within a row is a jump. Chosen."""
 DELAYS, SMALL, ROWS = 33, 1e-3, 4000
@@ -82,6 +84,8 @@ class Described:
     """Whether the record does: of one that does not nobody knows where the stage came from."""
     latest_s: float
     """The longest delay that was looked for."""
+    looked_for: tuple[What, ...]
+    """The changes that were tried."""
 
     @property
     def about(self) -> tuple[Size, ...]:
@@ -94,7 +98,9 @@ class Described:
         error = f"{digits(self.error_um_rms, 3)} um rms of error"
         if not self.ways:
             times = self.error_um_rms / self.fitted_um_rms
-            changes = f"no shift, gain or delay of up to {digits(1e3 * self.latest_s, 2)} ms describes it"
+            *others, last = self.looked_for
+            tried = f"{', '.join(others)} or {last}" if others else last
+            changes = f"no {tried} of up to {digits(1e3 * self.latest_s, 2)} ms describes it"
             more = changes + ("" if self.begins_at_0_V else ", what it had done before it began may")
             return f"leaves {error}, {digits(times, 2)} times what the fit left: {more}"
         ways = " or ".join(" and ".join(change.said for change in way.changes) for way in self.ways)
@@ -103,6 +109,11 @@ class Described:
         if self.ways[0].left_um_rms > FAR_WORSE * self.fitted_um_rms > 0:
             more = f"; the fit left {digits(self.fitted_um_rms, 2)}, so something else changed as well"
         return f"{ways} than the model says: of {error} that leaves {left}{more}"
+
+
+def more_than_usual(error_um_rms: float, run: AxisRun, view: TimeView) -> bool:
+    """Whether an error of a run is larger than its model may well leave."""
+    return error_um_rms > max(WORSE_THAN_FIT * view.residual_um_rms, LEAST_SHARE * run.range_um)
 
 
 def described(
@@ -114,15 +125,16 @@ def described(
     refit_offset: bool = False,
     follows: bool = True,
 ) -> Described | None:
-    """What describes the error of a prediction (n,) over the scored rows of ``run``; None where a model may well leave
-    it. ``at_rest_um``: the prediction (n,) at 0 V. ``refit_offset``: the error is judged without its mean.
-    ``follows``: whether the position goes with the prediction at all, without which no change is looked for."""
+    """What describes the error of a prediction (n,) of all rows of ``run``, over the scored ones; None where a model
+    may well leave it. ``at_rest_um``: the prediction (n,) at 0 V. ``refit_offset``: the error is judged without its
+    mean. ``follows``: whether the position goes with the prediction row by row, without which no gain is looked for."""
     found = _Changes(run, predicted_um, at_rest_um, refit_offset)
     error, fitted = _rms(found.error_um), view.residual_um_rms
-    if not error > max(WORSE_THAN_FIT * fitted, LEAST_SHARE * run.range_um):
+    if not more_than_usual(error, run, view):
         return None
-    kinds: tuple[What, ...] = ("gain", "delay") if refit_offset else ("shift", "gain", "delay")
-    sets = [which for count in range(1, len(kinds) + 1) for which in combinations(kinds, count)] if follows else []
+    allowed: dict[What, bool] = {"shift": not refit_offset, "gain": follows, "delay": True}
+    kinds = tuple(what for what, is_allowed in allowed.items() if is_allowed)
+    sets = [which for count in range(1, len(kinds) + 1) for which in combinations(kinds, count)]
     ways = [found.by(which) for which in sets]
     enough = [way for way in ways if way.left_um_rms <= min(ALIKE * ways[-1].left_um_rms, MOST_LEFT * error)]
     fewest = min((len(way.changes) for way in enough), default=0)
@@ -130,7 +142,7 @@ def described(
     if not as_few and not error > FAR_WORSE * fitted > 0:
         return None
     alike = tuple(way for way in as_few if way.left_um_rms <= ALIKE * as_few[0].left_um_rms)
-    return Described(error, fitted, alike, run.begins_at_0_V, found.latest_s)
+    return Described(error, fitted, alike, run.begins_at_0_V, found.latest_s, kinds)
 
 
 class _Changes:
@@ -143,23 +155,30 @@ class _Changes:
         self._begins_at_0_V = run.begins_at_0_V
         self._predicted_um, self._at_rest_um, self._refit_offset = predicted_um, at_rest_um, refit_offset
         self._scored = np.arange(len(run.t_s))[run.scored]
-        self.latest_s = LATEST * min(period_s(run), float(run.t_s[-1] - run.t_s[0]))
+        scored_s = run.t_s[self._scored]
+        self.latest_s = LATEST * min(period_s(run), float(scored_s[-1] - scored_s[0]))
         self.error_um = self._judged(run.x_um - predicted_um, self._scored)
 
     def by(self, which: tuple[What, ...]) -> Way:
         """The likeliest of these changes together."""
         late_s = self._late_s(which) if "delay" in which else 0.0
-        columns, left_um = self._at(which, late_s, self._scored)
-        told = self._told(late_s, self._scored)
-        sized = {what: column[told] for what, column in columns.items()}
-        sizes = self._sizes([one for one in which if one != "delay"], sized, left_um[told])
-        for what, size in sizes.items():
-            left_um = left_um - size * columns[what]
-        values = {**sizes, "delay": late_s}
-        changes = tuple(Change(what, values[what], UNITS[what]) for what in which)
-        return Way(changes, _rms(left_um[told]))
+        sizes, left_um_rms = self._beside(which, late_s, self._scored)
+        values: dict[What, float] = {**dict.fromkeys(which, 0.0), **sizes, "delay": late_s}
+        return Way(tuple(Change(what, values[what], UNITS[what]) for what in which), left_um_rms)
 
-    def _told(self, late_s: float, rows: NDArray[np.intp]) -> NDArray[np.bool_]:
+    def _beside(
+        self, which: tuple[What, ...], late_s: float, rows: NDArray[np.intp]
+    ) -> tuple[dict[What, float], float]:
+        """The likeliest sizes of these changes beside a delay, and the rms that they leave of the rows in which the
+        prediction is known then: infinite where that is less than ``KNOWN`` of them."""
+        known = rows[self._is_known(late_s, rows)]
+        if len(known) < KNOWN * len(rows):
+            return {}, math.inf
+        columns, left_um = self._at(which, late_s, known)
+        sizes = self._sizes([what for what in which if what != "delay"], columns, left_um)
+        return sizes, _rms(left_um - sum((size * columns[what] for what, size in sizes.items()), np.zeros(1)))
+
+    def _is_known(self, late_s: float, rows: NDArray[np.intp]) -> NDArray[np.bool_]:
         """Whether the prediction is known there if it comes so late, and does not jump within a row: of a jump
         nobody knows when within that it was. Before a record from 0 V the stage rests."""
         at_s = self._t_s[rows] - late_s
@@ -176,17 +195,14 @@ class _Changes:
         rows = self._scored[:: max(1, len(self._scored) // ROWS)]
 
         def left(late_s: float) -> float:
-            told = rows[self._told(late_s, rows)]
-            columns, left_um = self._at(which, late_s, told)
-            sizes = self._sizes([one for one in which if one != "delay"], columns, left_um)
-            left_um = left_um - sum((size * columns[what] for what, size in sizes.items()), np.zeros(1))
-            return _rms(left_um)
+            return self._beside(which, late_s, rows)[1]
 
         grid_s = np.linspace(-self.latest_s, self.latest_s, DELAYS)
-        middle = int(np.clip(np.argmin([left(late_s) for late_s in grid_s]), 1, DELAYS - 2))
-        bounds = grid_s[middle - 1], grid_s[middle + 1]
+        best = int(np.argmin([left(late_s) for late_s in grid_s]))
+        bounds = grid_s[max(best - 1, 0)], grid_s[min(best + 1, DELAYS - 1)]
         options = {"xatol": SMALL * self._step_s}
-        return float(minimize_scalar(left, bounds=bounds, method="bounded", options=options).x)
+        between = minimize_scalar(left, bounds=bounds, method="bounded", options=options)
+        return min((float(grid_s[best]), float(between.x)), key=left)
 
     def _at(
         self, which: tuple[What, ...], late_s: float, rows: NDArray[np.intp]

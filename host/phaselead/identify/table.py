@@ -22,9 +22,9 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from phaselead.errors import BadInput
-from phaselead.identify.runs import FEWEST_PERIODS, AxisRun, SineDrive, axis_run, distinct, sine_of
+from phaselead.identify.runs import FEWEST_PERIODS, AxisRun, SineDrive, distinct, sine_of
 from phaselead.model import XU_LI_2010, TablePoint, TableView
-from phaselead.record import Recording, Samples
+from phaselead.record import Samples
 
 LOCK_IN_HARMONICS = 7
 """Orders fitted with the fundamental: over inexact periods the odd harmonics of a loop would leak into it."""
@@ -220,7 +220,7 @@ def table_fit(points: Sequence[TablePoint]) -> TableView:
     if len(levels) < FEWEST_LEVELS or len(frequencies) < FEWEST_FREQUENCIES:
         raise BadInput(
             f"a table view needs sines of at least {FEWEST_LEVELS} levels and of {FEWEST_FREQUENCIES} frequencies, "
-            f"and there are {len(levels)} and {len(frequencies)}"
+            f"and there are {len(levels)} and {len(frequencies)}; record more sines"
         )
     swing, f = _column(points, "swing_V"), _column(points, "f_Hz")
     X = regressors(swing, f)
@@ -279,13 +279,3 @@ def comparison_text(view: TableView) -> str:
     lines = [f"{'':4}{'Table I':>10}{'ours':>12}{'+- std':>11}  unit"]
     lines += [f"{r.name:4}{r.paper:10.4f}{r.ours:12.4f}{r.std:11.4f}  {r.unit}" for r in compare_with_table_1(view)]
     return "\n".join(lines)
-
-
-def grid_table(recordings: Sequence[Recording], axis: str = "x") -> TableView:
-    """The table view of one axis from recorded sines; rows before a recording's window let the stage settle.
-
-    Raises BadInput when a recording is no steady sine, or the grid has too few levels or frequencies.
-    """
-    if not recordings:
-        raise BadInput("no recordings to make a table of; run the grid first")
-    return table_fit([lock_in(axis_run(recording, axis)).point() for recording in recordings])

@@ -11,15 +11,16 @@ import numpy as np
 
 from phaselead.errors import BadInput
 from phaselead.identify.runs import FEWEST_ROWS, AxisRun, driven_runs
-from phaselead.identify.simple_changes import Described, described
-from phaselead.model import Stage, TableView, in_other_times, out_of_scale, predict
+from phaselead.identify.simple_changes import Described, described, more_than_usual
+from phaselead.model import Stage, TableView, TimeView, in_other_times, out_of_scale, predict
 from phaselead.record import Recording, Samples, slow_gain
 
 View = Literal["time", "table"]
+FIGURES = ("file", "max_um", "mean_um", "range_um", "max_pct", "mean_pct")
 CLEARLY_BETTER = 2.0
 """Times less rms, in the rows in which two predictions differ. Chosen: a quarter of the power."""
 TURNS_TRIED = 33
-"""Voltages over the range of the model at which a stage may have turned round before a record that begins at 0 V."""
+"""Voltages over the range of the model at which a stage may have turned round before a record."""
 BEST_OF_MANY = 4.0
 """What ``CLEARLY_BETTER`` is for the best of so many. Chosen: one of them is better by chance."""
 ALIKE = 1.01
@@ -47,16 +48,14 @@ class Verification:
     described: Described | None = None
     """What describes an error that is larger than the model should leave."""
     fitted_on: bool = False
-    """Whether the model was fitted on rows of the same file."""
+    """Whether the model was fitted on rows of it."""
 
 
 def verification_dict(verification: Verification) -> dict[str, Any]:
     """As it goes into JSON."""
-    figures = asdict(verification)
-    for name in ("sha256", "gain", "about_start", "described", "fitted_on"):  # of the page and of doubts
-        del figures[name]
-    if verification.axis == "x":
-        del figures["axis"]  # the plain form of a one-axis recording
+    figures = {name: getattr(verification, name) for name in FIGURES}
+    if verification.axis != "x":  # the plain form of a one-axis recording is without
+        figures["axis"] = verification.axis
     if verification.described is not None:
         figures["error_um_rms"] = verification.described.error_um_rms
         figures["fitted_um_rms"] = verification.described.fitted_um_rms
@@ -78,14 +77,13 @@ def verify(
     Raises BadInput for a recording of which nothing can be used.
     """
     found = []
-    learned_from = {source.sha256 for source in stage.provenance.data}
     for recording in recordings:
         runs, left_out = driven_runs(recording)
         if not runs:
             raise BadInput(left_out[0])
         predicted = predict(stage, recording) if view == "time" else None
         sha256 = recording.traced.sha256
-        fitted_on = sha256 in learned_from
+        fitted_on = any(source.holds_rows_of(recording) for source in stage.provenance.data)
         for axis, run in runs.items():
             if predicted is None:
                 judged = _judge(run, _table_response(stage, run), refit_offset, sha256)
@@ -132,8 +130,11 @@ def _about_start(stage: Stage, recording: Recording, run: AxisRun, rested_um: Sa
         predicted = predict(stage, recording, turned_V={run.axis: turned_V})
         return (run.x_um - _position(predicted, run.axis))[run.scored]
 
-    rested = (run.x_um - rested_um)[run.scored]
-    tried = {turned_V: left_um(turned_V) for turned_V in _ways(stage, run, rested)}
+    view, rested = stage.axis(run.axis).time, (run.x_um - rested_um)[run.scored]
+    error_um_rms = float(np.std(rested) if refit_offset else np.sqrt(np.mean(rested**2)))
+    if view is None or not more_than_usual(error_um_rms, run, view):
+        return ""
+    tried = {turned_V: left_um(turned_V) for turned_V in _ways(view, run, rested)}
     if not tried:
         return ""
     rms_um = {way: float(np.std(e) if refit_offset else np.sqrt(np.mean(e**2))) for way, e in tried.items()}
@@ -174,14 +175,14 @@ def _begun_elsewhere(
     return said + f"score only what comes after, with the window @{t_s[differ[-1] + 1]:.{decimals}f}:"
 
 
-def _ways(stage: Stage, run: AxisRun, rested: Samples) -> list[tuple[float, ...]]:
+def _ways(view: TimeView, run: AxisRun, rested: Samples) -> list[tuple[float, ...]]:
     """Where the stage may have turned round before the run, to try: at some voltage of the model's range, and before a
     run that begins elsewhere than at 0 V nowhere. A run from 0 V must be clearly worse in its first half than in its
     second."""
-    view, half = stage.axis(run.axis).time, len(rested) // 2
+    half = len(rested) // 2
     usual_um = float(np.mean(rested[half:]))
     first, second = (float(np.sqrt(np.mean((e - usual_um) ** 2))) for e in (rested[:half], rested[half:]))
-    if view is None or (run.begins_at_0_V and first <= CLEARLY_BETTER * second):
+    if run.begins_at_0_V and first <= CLEARLY_BETTER * second:
         return []
     turns: list[tuple[float, ...]] = [(float(turned_V),) for turned_V in np.linspace(*view.u_range_V, TURNS_TRIED)]
     return turns if run.begins_at_0_V else [(), *turns]

@@ -19,18 +19,19 @@ LEVELS = 200
 """Voltages at which the width of a loop is looked up."""
 
 
-def describe_axis(axis: str, model: AxisModel, records: Sequence[Recording]) -> str:
-    """One line on the time view of an axis and what it leaves of its records."""
+def describe_axis(axis: str, model: AxisModel, records: Sequence[Recording], *, straight: bool = False) -> str:
+    """One line on the time view of an axis and what it leaves of its records. ``straight``: whether gain and offset
+    alone were fitted."""
     view = model.time
     if view is None:
         return f"axis {axis}: no time view"
     parts = [f"{_gain_um_per_V(model):.3g} um/V"]
-    if view.play_r_V:
+    if straight:
+        parts.append("a straight line: no hysteresis looked for")
+    else:
         width_pct = hysteresis_pct(model)
         loop = f"hysteresis {width_pct:.2g} % of the travel" if width_pct >= 0.05 else "no hysteresis seen"
         parts.append(loop + _in_small_swings(view, axis, records))
-    else:
-        parts.append("a straight line: no hysteresis looked for")
     parts += _modes(model)
     parts.append(f"lag {1e3 * (view.delay_s + _filters_s(model)):.2g} ms")
     noise_um = [noise for record in records if (noise := noise_um_rms(record, axis)) is not None]

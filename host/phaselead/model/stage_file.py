@@ -54,6 +54,13 @@ class DataSource(Part):
 
     file: str = Field(description="name of the recording")
     sha256: Sha256 = Field(description="SHA-256 of its bytes")
+    rows_s: tuple[float, float] | None = Field(None, description="s, first and last of its rows that were used")
+
+    def holds_rows_of(self, recording: Recording) -> bool:
+        """Whether the stage was fitted on rows of a recording. A stage file without ``rows_s`` used all."""
+        first_s, last_s = recording.scored_s
+        used_s = self.rows_s or (first_s, last_s)
+        return self.sha256 == recording.traced.sha256 and first_s <= used_s[1] and used_s[0] <= last_s
 
 
 class Provenance(Part):
@@ -75,7 +82,9 @@ def provenance_of(parent: Stage | None, recordings: Sequence[Recording]) -> Prov
     """Of a stage file that is made now, by this program, from the one before and from what was learned."""
     names = shortest_names({r.source for r in recordings})
     sources = {
-        r.sha256: DataSource(file=names[r.source] or "recording", sha256=r.sha256) for r in recordings if r.sha256
+        (r.sha256, r.scored_s): DataSource(file=names[r.source] or "recording", sha256=r.sha256, rows_s=r.scored_s)
+        for r in recordings
+        if r.sha256
     }
     now = datetime.datetime.now(datetime.UTC).replace(microsecond=0)
     return Provenance(

@@ -27,7 +27,7 @@ def shortest_names(paths: Collection[str]) -> dict[str, str]:
     {'monday/a.h5': 'monday/a.h5', 'tuesday/a.h5': 'tuesday/a.h5', 'tuesday/b.h5': 'b.h5'}
     """
     parts = {path: PurePath(path).parts for path in dict.fromkeys(paths)}
-    ends = Counter(of[-n:] for of in parts.values() for n in range(1, len(of) + 1))
+    ends = Counter(of[-n:] for of in set(parts.values()) for n in range(1, len(of) + 1))
 
     def name(path: str) -> str:
         of = parts[path]

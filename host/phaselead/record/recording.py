@@ -69,6 +69,12 @@ class Recording(SampledResult):
         return (self.scored.start or 0) == 0
 
     @property
+    def scored_s(self) -> tuple[float, float]:
+        """First and last time of the samples to judge."""
+        judged_s = self.t_s[self.scored]
+        return float(judged_s[0]), float(judged_s[-1])
+
+    @property
     def columns(self) -> Mapping[str, Samples]:
         """The samples by column, in the order of a CSV header: arrays of shape (n,)."""
         return columns_of(self.t_s, self.axes)

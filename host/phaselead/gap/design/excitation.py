@@ -168,7 +168,7 @@ def about_limits(axis: AxisModel) -> list[str]:
     at = f"{axis.limits.u_min_V:.3g} to {axis.limits.u_max_V:.3g} V"
     return [
         f"experiments keep within the stage file's limits, {at}, {100 * share:.0f} % of the voltages that the model "
-        "was fitted on: set them to what the device may put out, and run it again"
+        "was fitted on; if the device may put out more, set them to that, and run gap again"
     ]
 
 

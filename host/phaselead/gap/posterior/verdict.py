@@ -115,10 +115,10 @@ class _Sets:
     @property
     def best(self) -> Names:
         """The most probable one; in place of one that bears other names than those of its effects the set of these, if
-        it is not so far behind that it says something else."""
+        it is not so far behind that it says something else, nor behind nothing."""
         most_probable = max(self.probability, key=self.probability.__getitem__)
         of_its_names = tuple(sorted(self.borne[most_probable]))
-        least = self.probability[most_probable] * np.exp(-WITHIN)
+        least = max(self.probability[most_probable] * np.exp(-WITHIN), self.probability[()])
         return of_its_names if self.probability.get(of_its_names, 0.0) > least else most_probable
 
     @cached_property

@@ -19,7 +19,7 @@ from phaselead.identify.operator.records import Records, known_rest, searched_fr
 from phaselead.identify.operator.regressors import Basis, fitted_span_V, ringing_s
 from phaselead.identify.operator.result import Choice, OperatorFit, RecordResidual, effective_rows, standard_errors
 from phaselead.identify.operator.session import SEARCH_ROWS, as_known, from_their_memories, told_behind_modes
-from phaselead.identify.operator.solution import PART_PAYS, Solution, centred, moments, strayed
+from phaselead.identify.operator.solution import DRIFT, PART_PAYS, Solution, centred, moments, strayed
 from phaselead.identify.operator.uneven import unevenly
 from phaselead.identify.runs import AxisRun, one_frequency
 from phaselead.model import Mode
@@ -34,6 +34,7 @@ PLACED_TURNS, PLACED = 3, 0.98
 """How often thresholds are placed anew, at the delay and the modes that go with those of before; done when the error
 stays above this share of what it was."""
 
+OWN_OFFSETS = f"the records differ in offset by more than {100 * DRIFT:g} % of their range: each has its own"
 REST_UNTOLD = "the records do not tell how the memory rests at 0 V: it is taken as 0"
 LAG_STEP = 0.001
 """Of the longest lag: how finely the best one is searched. A hundredth was several standard errors."""
@@ -53,13 +54,13 @@ def fit_operator(runs: Sequence[AxisRun], modes: tuple[Mode, ...] = (), lag_s: f
     """
     fits = thinned(runs, SEARCH_ROWS, ringing_s=ringing_s(modes))
     records = Records(runs, fits, fitted_span_V(runs, ringing_s(modes)), lag_s=lag_s)
-    even, of_even, messages = from_their_memories(records, modes)
+    even, of_even, about_memories = from_their_memories(records, modes)
     records, found = even, of_even
     basis, choices = choose_basis(records, found)
     for fading in (len(basis.fading_r_V) > 0, True):
         uneven = unevenly(even, of_even, fading=fading)
         if uneven is not even:
-            records, found, messages = from_their_memories(uneven, modes)
+            records, found, about_memories = from_their_memories(uneven, modes)
             basis, choices = choose_basis(records, found)
         if fading or not len(basis.fading_r_V):  # what fades may show only once the operator is as uneven as it is
             break
@@ -74,6 +75,7 @@ def fit_operator(runs: Sequence[AxisRun], modes: tuple[Mode, ...] = (), lag_s: f
         records, found = _lagging(records, without)
         basis, choices = choose_basis(records, found)
         lag_share = 1 - (found.error / without.error) ** 2 if records.fits[0].lag_s else 0.0
+    messages = [OWN_OFFSETS] if records.own_offsets else []
     delay_s, rest = found.delay_s, found.rest_fraction
     if not _rest_matters(records, basis, found):
         rest = 0.0
@@ -82,7 +84,8 @@ def fit_operator(runs: Sequence[AxisRun], modes: tuple[Mode, ...] = (), lag_s: f
         delay_s = _shortest_delay_s(records, basis, delay_s, rest)
         messages.append("one frequency cannot tell delay from play: the shortest delay that fits was taken")
     found = replace(found, basis=basis, delay_s=delay_s, rest_fraction=rest)
-    return replace(_of_all_rows(records, found, modes, choices, messages), lag_share=lag_share)
+    whole = _of_all_rows(records, found, modes, choices, [*about_memories, *messages])
+    return replace(whole, lag_share=lag_share, about_memories=tuple(about_memories))
 
 
 def _paying(records: Records, found: Solution, began: tuple[Mode, ...]) -> Solution:
@@ -172,15 +175,16 @@ def place_operator(runs: Sequence[AxisRun], known: OperatorFit, modes: tuple[Mod
         if found.error > PLACED * error:
             break
         error = found.error
-    records, found, messages = told_behind_modes(records, _paying(records, found, modes), known)
+    records, found, about_memories = told_behind_modes(records, _paying(records, found, modes), known)
     if known.lag_s and not found.modes:  # without modes nothing tells a lag from the delay
         return known
     rest_told = _rest_matters(records, found.basis, found)
-    messages = [*(line for line in messages if line != REST_UNTOLD), *([] if rest_told else [REST_UNTOLD])]
+    others = [line for line in known.messages if line not in (*known.about_memories, REST_UNTOLD)]
+    messages = [*others, *about_memories, *([] if rest_told else [REST_UNTOLD])]
     rest = found.rest_fraction if rest_told else 0.0
     before = [replace(c, chosen=False) for c in known.choices]
     placed = _of_all_rows(records, replace(found, rest_fraction=rest), modes, (*before, choice), messages)
-    return replace(placed, lag_share=known.lag_share)
+    return replace(placed, lag_share=known.lag_share, about_memories=tuple(about_memories))
 
 
 def fit_linear(runs: Sequence[AxisRun], modes: tuple[Mode, ...] = (), lag_s: float | None = None) -> OperatorFit:

@@ -97,6 +97,8 @@ class OperatorFit:
     """That was taken out of the records first; None of those that show none."""
     creep_share: float = 0.0
     """Of the squared residual without it: what it explains."""
+    about_memories: tuple[str, ...] = ()
+    """Of the messages those on where records began."""
 
     def beside_view(self) -> list[Entry]:
         """What the time view does not hold, as effects: a lag, what fades, and creep."""

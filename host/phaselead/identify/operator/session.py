@@ -17,7 +17,6 @@ from phaselead.identify.operator.result import OperatorFit
 from phaselead.identify.operator.solution import DRIFT, EXACT, LEAST_OFFSET_WEIGHT, Solution, weight_of_offsets
 from phaselead.identify.operator.starting_memories import (
     END_SHARE,
-    IN_ORDER,
     LIKELY_MEMORY,
     OTHER_MEMORY,
     any_settles,
@@ -64,8 +63,7 @@ def from_their_memories(records: Records, modes: tuple[Mode, ...]) -> Told:
     if max(offsets) > DRIFT:  # a memory may explain it, or another session
         apart, of_apart, also = _Telling.of(replace(records, offset_weight=0.0), first).told()
         if np.median(offsets) > DRIFT or of_apart.error**2 < OTHER_MEMORY * min(judged) ** 2:
-            message = f"the records differ in offset by more than {100 * DRIFT:g} % of their range: each has its own"
-            return apart, of_apart, [message, *also]
+            return apart, of_apart, also
     # Settled rows leave much less: other memories may as well, without what makes records differ in offset.
     if first.error**2 < OTHER_MEMORY * min(judged) ** 2:
         alike, of_alike, also = in_full.told_alike()
@@ -131,17 +129,12 @@ class _Telling:
 
     def told_in_order(self) -> Told | None:
         """Each record after those before it, or most of them and the others as settled rows tell, where that leaves
-        clearly less than all from rest, and no other memories can leave much less, by what settled rows leave. The one
-        that is at rest may be the only one that it betters."""
-        whole = in_one_session(self.records.fits)
-        for fits in (whole, in_part(whole, self.of_first, self.first)):
-            if all(f.turned_V is None for f in fits):
-                continue
-            session = replace(self.records, fits=fits)
+        clearly less than all from rest, and no other memories can leave much less, by what settled rows leave."""
+        for session, said in _sessions(self.records, self.of_first, self.first):
             found = self._searched(session)
             clearly = found.error**2 < OTHER_MEMORY * self.at_rest.error**2
             if clearly and OTHER_MEMORY * found.error**2 <= self.first.error**2:
-                return session, found, told_session(fits, whole)
+                return session, found, said
         return None
 
     def told_alike(self) -> Told:
@@ -172,6 +165,18 @@ class _Telling:
     def _leaves_less(self, moved: Records, found: Solution, best: Solution) -> bool:
         """Whether memories leave less than the best so far, and clearly less of what has one than all from rest."""
         return found.error < best.error and _tell_better(moved, found, self.at_rest)
+
+
+def _sessions(records: Records, others: Sequence[FitRun], operator: Solution) -> list[tuple[Records, list[str]]]:
+    """The records as if each had begun where the one before it left the stage, and what to say of that: all of them,
+    and those of which an ``operator`` leaves about as little as with ``others``, their likeliest memories. Without
+    those that change nothing; none where rows before those that count tell what was before a record."""
+    if any(f.run.scored.start for f in records.fits):
+        return []
+    whole = in_one_session(records.fits)
+    several = [fits for fits in (whole, in_part(whole, others, operator))
+               if [f.turned_V for f in fits] != [f.turned_V for f in records.fits]]  # fmt: skip
+    return [(replace(records, fits=fits), told_session(fits, whole)) for fits in several]
 
 
 def _with_likely_memories(records: Records, found: Solution) -> list[FitRun]:
@@ -230,30 +235,30 @@ def as_known(runs: Sequence[AxisRun], known: OperatorFit, modes: tuple[Mode, ...
     return records.in_field(view.field_bend).behind_a_lag(known.lag_s).weighing(view.play_tilt, view.play_taper)
 
 
-def told_behind_modes(records: Records, found: Solution, known: OperatorFit) -> tuple[Records, Solution, Sequence[str]]:
+def told_behind_modes(records: Records, found: Solution, known: OperatorFit) -> Told:
     """The memories told anew, since the ringing of fast records hid them from a fit without modes, and what to say of
     all of them.
 
     Where rows before those that count have settled a record there is no more to tell.
     """
-    before = [line for line in known.messages if line.startswith(IN_ORDER)] or told_memories(records.fits)
-    said = before
-    warmed = [i for i, f in enumerate(records.fits) if f.run.scored.start]
+    said = list(known.about_memories)
+    if not found.modes:
+        return records, found, said
     rest, whole = known_rest(found.rest_fraction), len(found.modes) == 1
-    session = in_one_session(records.fits)
-    for fits in (session, in_part(session, records.fits, found)) if found.modes and not warmed else ():
-        if [f.turned_V for f in fits] == [f.turned_V for f in records.fits]:
-            continue
-        moved = replace(records, fits=fits)
-        better = moved.searched(found.basis, found.delay_s, rest, found.modes, whole=whole)
+
+    def searched(moved: Records) -> Solution:
+        return moved.searched(found.basis, found.delay_s, rest, found.modes, whole=whole)
+
+    for session, of_session in _sessions(records, records.fits, found):
+        better = searched(session)
         if better.error < found.error:
-            records, found, said = moved, better, told_session(fits, session)
-    for again in range(MEMORY_ROUNDS if found.modes else 0):
+            records, found, said = session, better, of_session
+    warmed = [i for i, f in enumerate(records.fits) if f.run.scored.start]
+    for again in range(MEMORY_ROUNDS):
         share = OTHER_MEMORY if again else LIKELY_MEMORY
         fits, named = with_memories(records.fits, found, share, records.own_offsets, known=warmed)
-        moved = replace(records, fits=fits)
-        better = moved.searched(found.basis, found.delay_s, rest, found.modes, whole=whole)
+        better = searched(moved := replace(records, fits=fits))
         if not better.error < found.error:
             break
         records, found, said = moved, better, named
-    return records, found, [*(line for line in known.messages if line not in before), *said]
+    return records, found, said

@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 from scipy.optimize import minimize
 
-from phaselead.errors import BadInput
 from phaselead.identify.gauss_newton import ridged
 from phaselead.identify.operator.choosing import FINEST
 from phaselead.identify.operator.records import Records, searched_from
@@ -42,8 +41,15 @@ CLEAR_OF_MOST = 0.95
 
 def of_best_weights(records: Records, found: Solution) -> Records:
     """The records with plays of the weights at each level with which an operator of the most plays and segments leaves
-    least of them; as they are where uneven weights do not pay. Delay, memory at rest and modes go with the weights, and
-    are searched in turn from those of ``found``."""
+    least of them; as they are where uneven weights do not pay, or nothing tells them. Delay, memory at rest and modes
+    go with the weights, and are searched in turn from those of ``found``."""
+    try:
+        return _weighed(records, found)
+    except np.linalg.LinAlgError:
+        return records
+
+
+def _weighed(records: Records, found: Solution) -> Records:
     uneven, squares = records, _Squares(records, found)
     without = squares.left((0.0, 0.0))
     for _ in range(ROUNDS):
@@ -113,8 +119,5 @@ def _without_first(moments: Samples, count: int) -> Samples:
     unit = np.sqrt(np.maximum(np.diag(first), 1e-300))
     scaled = across / unit[:, None]
     held = ridged(first / np.outer(unit, unit), SLOPES_RIDGE)
-    try:
-        told = np.linalg.solve(held, scaled)
-    except np.linalg.LinAlgError:
-        raise BadInput("the fit is singular; are all records of one stage?") from None
+    told = np.linalg.solve(held, scaled)
     return np.asarray(moments[count:, count:] - scaled.T @ told)
