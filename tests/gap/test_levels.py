@@ -17,7 +17,7 @@ from phaselead.gap.derived import derived_of
 from phaselead.gap.findings import NamedEffect, Posterior
 from phaselead.gap.posterior import Contest, likelihood_of
 from phaselead.gap.posterior.blocks import FEWEST_LEVELS, OF_LEVEL, blocked
-from phaselead.gap.posterior.noise_and_base_share import expected_of
+from phaselead.gap.posterior.noise_and_base_share import noise_and_base_share_of
 from phaselead.gap.posterior.starts import Starts
 from phaselead.gap.records import axis_runs, taken_at_once
 from phaselead.gap.residual import modelled_run
@@ -163,7 +163,7 @@ def test_what_a_creeping_base_may_still_carry_makes_its_levels_say_less():
     known = {}
     for creeps, of in ((False, runs), (True, [_under(run, creeping) for run in runs])):
         found = blocked(of)
-        expected = expected_of(found)
+        expected = noise_and_base_share_of(found)
         known[creeps] = [sum(expected.of(run, run.motion)[i][0] for i in (0, 1)) for run in found]
     assert min(known[True]) > 100 * max(known[False])
 

@@ -11,7 +11,13 @@ from hypothesis import strategies as st
 from scipy.fft import idct, next_fast_len
 
 from phaselead.gap.posterior.blocks import FALLS_BY, BlockedRun, CARRIED_OVER_s, blocked
-from phaselead.gap.posterior.noise_and_base_share import BASE_SHARE, LEAST_UM2, UNTOLD, Expected, expected_of
+from phaselead.gap.posterior.noise_and_base_share import (
+    BASE_SHARE,
+    LEAST_UM2,
+    UNTOLD,
+    NoiseAndBaseShare,
+    noise_and_base_share_of,
+)
 from phaselead.model.axis import AdoptedEffect, AxisModel, TimeView
 
 STEP_S = 1e-3
@@ -172,7 +178,7 @@ def test_how_surely_a_record_tells_its_plays_is_what_the_base_leaves_of_referenc
 
 def expected(*records):
     every = blocked(records)
-    return expected_of(every), every
+    return noise_and_base_share_of(every), every
 
 
 def sloped(run, exponent):
@@ -292,7 +298,7 @@ def test_the_share_is_the_likeliest_not_that_of_the_record_that_moves_most():
 def test_what_is_missed_counts_once_and_noise_in_each_coefficient(size, noise, missed, times):
     """In any unit; beside what is missed, the mean power of noise differs by chance."""
     of_one = np.ones(1)
-    of_noise = Expected(0, of_one, of_one, of_one, of_one, noise_spread=of_one)
+    of_noise = NoiseAndBaseShare(0, of_one, of_one, of_one, of_one, noise_spread=of_one)
 
     def counted(size, noise, missed):
         return of_noise.counted(np.array([0]), np.array([size]), np.array([noise]), np.array([missed])).item()

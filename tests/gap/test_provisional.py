@@ -153,8 +153,8 @@ def test_a_model_that_holds_one_is_doubted():
 
     assert doubts("named") == ()
     assert doubts("provisional") == (
-        "x: the model holds delay provisionally, a name that no records vouch for; only what changed since is looked "
-        "for. If `gap` put it there, the model from before shows what it is",
+        "x: the model holds delay provisionally, a name that no records vouch for, and only what changed since is "
+        "looked for; to look for what it is, run gap with the model from before it was adopted",
     )
 
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from test_what_stood_off import LEAK, LEAKS, elsewhere, reference, stood_off
 
 from phaselead.gap.posterior import contest, likelihood_of
-from phaselead.gap.posterior.first_order import Beside, Histories
+from phaselead.gap.posterior.first_order import FirstOrder, Histories
 from phaselead.gap.posterior.priors import LARGEST
 from phaselead.gap.posterior.sets import Begun
 from phaselead.gap.posterior.starts import Starts
@@ -92,7 +92,7 @@ def test_the_likeliest_amounts_are_those_that_leave_least(beside_leak):
     settled = likelihood.settled(fit.terms, [fit.share])
     weights = likelihood.weights(settled.power, settled.variance)[0]
     groups = starts.shapes.groups
-    beside = Beside(likelihood, fit.terms, weights, starts.shapes, starts._histories)
+    beside = FirstOrder(likelihood, fit.terms, weights, starts.shapes, starts._histories)
     rng = np.random.default_rng(4)
 
     def cost(which, amounts):

@@ -9,7 +9,7 @@ from scipy.fft import idct
 
 from phaselead.gap.posterior.blocks import BlockedRun
 from phaselead.gap.posterior.likelihood import Likelihood
-from phaselead.gap.posterior.noise_and_base_share import Expected
+from phaselead.gap.posterior.noise_and_base_share import NoiseAndBaseShare
 from phaselead.model.effects import effect
 
 STEP_S, ROWS = 1e-3, 256
@@ -73,7 +73,7 @@ class Toy:
         noise, base = np.full(count, NOISE_UM2), np.full(count, BASE_SHARE**2)
         none = tuple(np.zeros((run.rows - 1, 0)) for run in found)
         of_both = np.full(count, told)
-        self.expected = Expected(int(octaves[0]), noise, base, of_both, of_both, np.ones(count))
+        self.expected = NoiseAndBaseShare(int(octaves[0]), noise, base, of_both, of_both, np.ones(count))
         for run in found:
             self._measure(run, rng, amounts, share, times, fault, like_effect)
         self.likelihood = Likelihood(tuple(found), self.expected, none)

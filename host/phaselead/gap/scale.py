@@ -256,8 +256,8 @@ def _moves_by_itself_um(stage: Stage, run: GapRun) -> float:
 
 
 def refuse_unlike_model(driven: Compared) -> None:
-    """Refuse records that move beside what the model says as if a column were in another unit, or as no stage comes to
-    with a voltage that looks like a position. Raises BadInput, one line."""
+    """Refuse records whose motion is so far from what the model says that a column must be in another unit, and those
+    that move as no stage does and whose voltage looks like a position. Raises BadInput, one line."""
     for axis, of_axis in driven.items():
         well = [(run, said, moved) for run, said, moved in of_axis if run.driven_well]
         found = factors_moved([(said, moved) for _, said, moved in well], [run.step_s for run, _, _ in well])

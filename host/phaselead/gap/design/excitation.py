@@ -28,8 +28,8 @@ LENGTHS_s = (2.0, 5.0, 10.0, 20.0, 40.0, 60.0)
 RECORD = "record"
 """Name of the waveform that repeats a record."""
 NEARLY_ALL = 0.95
-"""Share of the fitted voltages of which it is not said that the device may put out no more: records and limits are
-rarely set to the same volt. It decides no verdict."""
+"""Share of the fitted voltages from which on nothing is said of the limits in the stage file: records are rarely driven
+to the very volt of a limit. It decides no verdict."""
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ from phaselead.gap.posterior.detectable import detectable
 from phaselead.gap.posterior.levels import zeros_of_sessions
 from phaselead.gap.posterior.likeliest import Start
 from phaselead.gap.posterior.likelihood import Likelihood
-from phaselead.gap.posterior.noise_and_base_share import expected_of
+from phaselead.gap.posterior.noise_and_base_share import noise_and_base_share_of
 from phaselead.gap.posterior.priors import log_prior_of_set
 from phaselead.gap.posterior.sets import Begun, Fit, Names, confused, has_history, names_of
 from phaselead.gap.posterior.starts import Starts
@@ -89,7 +89,7 @@ def likelihood_of(runs: Sequence[ModelledRun], base_may_be_off: bool = False, op
     zeros = zeros_of_sessions(every)
     sessions = zeros[0].shape[1]
     of_no_session = (lambda run: np.zeros((run.edges[-1], sessions)),)  # as any further run is
-    likelihood = Likelihood(tuple(every), expected_of(every), tuple(zeros), of_no_session)
+    likelihood = Likelihood(tuple(every), noise_and_base_share_of(every), tuple(zeros), of_no_session)
     if not base_may_be_off:
         return likelihood
     likelihood = likelihood.missing(lambda run: run.coefficients(base_columns(run.modelled, open_plays)))

@@ -33,7 +33,7 @@ from phaselead.gap.posterior.equation_misfit import (
     shares_of,
 )
 from phaselead.gap.posterior.moments import Amounts, Normal, together
-from phaselead.gap.posterior.noise_and_base_share import Expected
+from phaselead.gap.posterior.noise_and_base_share import NoiseAndBaseShare
 from phaselead.gap.posterior.sets import Settled, Terms, has_history
 from phaselead.record import Samples
 
@@ -50,7 +50,7 @@ class Density:
     """Of records beside one base."""
 
     runs: tuple[BlockedRun, ...]
-    expected: Expected
+    expected: NoiseAndBaseShare
 
     def __post_init__(self) -> None:
         parts = [self.expected.of(run, run.motion) for run in self.runs]

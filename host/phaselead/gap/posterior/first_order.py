@@ -78,8 +78,8 @@ class Residual:
     against where they were."""
 
 
-class Beside:
-    """Shapes of effects beside a set, each block counting by a weight."""
+class FirstOrder:
+    """What effects of small size would take off what a set leaves, block by block, each counting by a weight."""
 
     def __init__(
         self,

@@ -13,7 +13,7 @@ import numpy as np
 
 from phaselead.gap.parameters import SizedEffect
 from phaselead.gap.posterior.equation_misfit import is_of_material, log_prior_of_share, shares_of
-from phaselead.gap.posterior.first_order import Beside, Histories, Residual
+from phaselead.gap.posterior.first_order import FirstOrder, Histories, Residual
 from phaselead.gap.posterior.likeliest import Start, likeliest_amounts
 from phaselead.gap.posterior.likelihood import Likelihood
 from phaselead.gap.posterior.priors import LARGEST
@@ -23,8 +23,8 @@ from phaselead.record import Samples
 
 
 @dataclass(frozen=True)
-class Part:
-    """Shapes of effects of which all are told by levels, or none."""
+class IfExplained:
+    """Shapes of effects that all go on between records, so that levels do not tell of them, or that all do not."""
 
     shapes: Shapes
     histories: Histories
@@ -37,7 +37,7 @@ class Part:
             terms = replace(terms, levels_say=False, settled={})
         variance = likelihood.variance(terms, shares_of(fit.entries)[:1])
         weights = likelihood.weights(np.zeros_like(variance[:, 0]), variance)[0]
-        beside = Beside(likelihood, terms, weights, self.shapes, self.histories)
+        beside = FirstOrder(likelihood, terms, weights, self.shapes, self.histories)
         best: dict[tuple[str, int], tuple[int, Start]] = {}
         for which, group in enumerate(self.shapes.groups):
             if group.effect.name in fit.names:
@@ -60,14 +60,14 @@ class Part:
         return found
 
 
-def parts_of(shapes: Shapes, histories: Histories) -> list[Part]:
+def if_explained_of(shapes: Shapes, histories: Histories) -> list[IfExplained]:
     """Shapes of effects that go on between records, and of the others, without modes: these are looked for by
     frequency."""
     one_by_one = [i for i, group in enumerate(shapes.groups) if group.effect.peak is None]
     lasting = [i for i in one_by_one if goes_on_between_records(shapes.groups[i].effect)]
     others = [i for i in one_by_one if i not in lasting]
     each = [chosen for chosen in (lasting, others) if chosen]
-    return [Part(shapes.some(i), Histories([[had[j] for j in i] for had in histories.of_runs])) for i in each]
+    return [IfExplained(shapes.some(i), Histories([[had[j] for j in i] for had in histories.of_runs])) for i in each]
 
 
 def _log_density_with(likelihood: Likelihood, terms: Terms, left: Residual, entries: tuple[SizedEffect, ...]) -> float:

@@ -126,7 +126,8 @@ def names_borne(fit: Fit) -> frozenset[str]:
 
 
 def _are_there(value: Samples, off: Samples, covariance: Samples) -> bool:
-    """Whether the region that surely holds some sizes (k,), off by as much to either side, does not hold 0."""
+    """Whether some sizes (k,) are surely not all 0, wherever between ``value - off`` and ``value + off`` their middle
+    is: the ellipsoid that holds them with the probability ``SURE`` does not hold 0 then."""
     if np.linalg.eigvalsh(covariance).min() <= 0:
         return False
     towards, along = np.linalg.solve(covariance, off), 0.0

@@ -21,7 +21,7 @@ from phaselead.gap.posterior.levels import about_their_sessions, with_levels_abo
 from phaselead.gap.posterior.moments import Moments
 from phaselead.gap.posterior.priors import Prior, prior_of
 from phaselead.gap.posterior.sets import Begun, Fit, Terms
-from phaselead.gap.posterior.shared_misfit import MayMiss
+from phaselead.gap.posterior.shared_misfit import WithSharedMisfit
 from phaselead.gap.posterior.still_moving import likeliest_moving, log_sum_over_records
 from phaselead.record import Samples
 
@@ -32,7 +32,7 @@ NEGLIGIBLE = 1e-3
 
 
 @dataclass
-class Likelihood(MayMiss):
+class Likelihood(WithSharedMisfit):
     """Of sets of effects beside one base."""
 
     def terms(

@@ -32,7 +32,7 @@ LEAST_UM2 = 1e-14
 
 
 @dataclass(frozen=True)
-class Expected:
+class NoiseAndBaseShare:
     """Noise and share by octave."""
 
     first: int
@@ -88,7 +88,7 @@ class Expected:
         return np.clip(octaves - self.first, 0, len(self.share) - 1)
 
 
-def expected_of(runs: Sequence[BlockedRun]) -> Expected:
+def noise_and_base_share_of(runs: Sequence[BlockedRun]) -> NoiseAndBaseShare:
     """From the reference records among the runs, or without them from a prior."""
     first = min(int(run.octaves[run.first_octave :].min()) for run in runs)
     count = max(int(run.octaves.max()) for run in runs) - first + 1
@@ -105,14 +105,14 @@ def expected_of(runs: Sequence[BlockedRun]) -> Expected:
     if not references and not at_rest.any():
         noise, noise_told = np.full(count, float(np.min(noise))), untold
     if not references or not driven.any():
-        return Expected(first, noise, np.full(count, BASE_SHARE**2), noise_told, untold, noise_spread, *levels)
+        return NoiseAndBaseShare(first, noise, np.full(count, BASE_SHARE**2), noise_told, untold, noise_spread, *levels)
     octave, power, motion = octave[driven], power[driven], motion[driven]
     share = _share_of_motion(octave, power, motion, noise)
     blocks = np.bincount(octave, minlength=count).astype(float)
     near = _smooth(blocks)
     share_told = np.where(near > 0, near**2 / np.maximum(_smooth_squared(blocks), 1e-30), UNTOLD)
     # Records differ in their noise too: it is never known better than what the base misses.
-    return Expected(first, noise, share, np.minimum(noise_told, share_told), share_told, noise_spread, *levels)
+    return NoiseAndBaseShare(first, noise, share, np.minimum(noise_told, share_told), share_told, noise_spread, *levels)
 
 
 def _scatter(references: Sequence[BlockedRun]) -> tuple[float, float]:

@@ -41,7 +41,7 @@ class Beyond(NamedTuple):
 
 
 @dataclass
-class MayMiss(Density):
+class WithSharedMisfit(Density):
     """Records beside one base, and what it may miss in all of them."""
 
     shared: tuple[Samples, ...]

@@ -10,8 +10,8 @@ from functools import cached_property
 import numpy as np
 
 from phaselead.gap.posterior.blocks import BlockedRun
-from phaselead.gap.posterior.first_order import Beside, Histories, histories_of
-from phaselead.gap.posterior.if_explained import Part, parts_of
+from phaselead.gap.posterior.first_order import FirstOrder, Histories, histories_of
+from phaselead.gap.posterior.if_explained import IfExplained, if_explained_of
 from phaselead.gap.posterior.levels import about_their_sessions
 from phaselead.gap.posterior.likeliest import APART, LEAST_POWER, Start, in_typical_sizes, likeliest_amounts
 from phaselead.gap.posterior.likelihood import Likelihood
@@ -92,7 +92,7 @@ class Starts:
         histories = self._histories if self.with_outliers else None
         every = self._sized(fit, self.shapes, histories)
         if self.with_outliers:
-            every += [start for part in self._parts for start in part.beside(self.likelihood, fit)]
+            every += [start for shapes in self._if_explained for start in shapes.beside(self.likelihood, fit)]
         found: dict[str, list[Start]] = {}
         for start in every:
             name = start.entry[0].name
@@ -102,9 +102,9 @@ class Starts:
         return dict(sorted(chosen.items(), key=lambda item: -item[1][0].gain))
 
     @cached_property
-    def _parts(self) -> list[Part]:
-        """Of which it is asked what they would bring if they explained all that is left."""
-        return parts_of(self.shapes, self._histories)
+    def _if_explained(self) -> list[IfExplained]:
+        """The shapes, to be asked what each effect would bring if it explained all that a set leaves."""
+        return if_explained_of(self.shapes, self._histories)
 
     def _chosen(self, fit: Fit, starts: Sequence[Start]) -> list[Start]:
         ranked = sorted(starts, key=lambda start: (not start.of_size, -start.gain))
@@ -167,7 +167,7 @@ class Starts:
         ``histories``, the amounts of what the effect had done before each record."""
         settled = self.likelihood.settled(fit.terms, [fit.share])
         weights = independent * self.likelihood.weights(settled.power, settled.variance)[0]
-        beside = Beside(self.likelihood, fit.terms, weights, shapes, histories)
+        beside = FirstOrder(self.likelihood, fit.terms, weights, shapes, histories)
         return [(group, *beside.slope_and_curvature(which)) for which, group in enumerate(shapes.groups)]
 
 

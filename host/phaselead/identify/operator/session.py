@@ -19,9 +19,9 @@ from phaselead.identify.operator.starting_memories import (
     END_SHARE,
     LIKELY_MEMORY,
     OTHER_MEMORY,
-    any_settles,
     in_one_session,
-    in_part,
+    session_in_part,
+    some_settle,
     told_memories,
     told_session,
     with_alike_offsets,
@@ -51,8 +51,8 @@ def from_their_memories(records: Records, modes: tuple[Mode, ...]) -> Told:
     """
     first = _of_settled_rows(records, modes)
     in_full = _Telling.of(records, first)
-    if any_settles(records.fits) and (in_order := in_full.told_in_order()):
-        return _seen(*in_order)
+    if some_settle(records.fits) and (in_order := in_full.told_in_order()):
+        return _with_offsets_weighed(*in_order)
     told = [in_full.told()]
     judged = [_counted_least(*told[0][:2])]
     if judged[0] ** 2 < LIKELY_MEMORY * told[0][1].error ** 2:
@@ -69,10 +69,10 @@ def from_their_memories(records: Records, modes: tuple[Mode, ...]) -> Told:
         alike, of_alike, also = in_full.told_alike()
         if _counted_least(alike, of_alike) ** 2 < OTHER_MEMORY * min(judged) ** 2:
             session, found, said = alike, of_alike, also
-    return _seen(session, found, said)
+    return _with_offsets_weighed(session, found, said)
 
 
-def _seen(records: Records, found: Solution, said: list[str]) -> Told:
+def _with_offsets_weighed(records: Records, found: Solution, said: list[str]) -> Told:
     """What goes with these memories where offsets count as much as what is left of each record shows."""
     shapes = [float(np.std(found.residual(f))) / f.run.range_um for f in records.fits]
     session = replace(records, offset_weight=weight_of_offsets(_offsets(records.fits, found), shapes))
@@ -174,7 +174,7 @@ def _sessions(records: Records, others: Sequence[FitRun], operator: Solution) ->
     if any(f.run.scored.start for f in records.fits):
         return []
     whole = in_one_session(records.fits)
-    several = [fits for fits in (whole, in_part(whole, others, operator))
+    several = [fits for fits in (whole, session_in_part(whole, others, operator))
                if [f.turned_V for f in fits] != [f.turned_V for f in records.fits]]  # fmt: skip
     return [(replace(records, fits=fits), told_session(fits, whole)) for fits in several]
 

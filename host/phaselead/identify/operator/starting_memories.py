@@ -149,13 +149,14 @@ def settled_of(fits: Sequence[FitRun]) -> list[FitRun]:
     A record that is never settled would draw the operator to a memory that nobody knows yet. It stands with its last
     rows, which remember least, for the others to tell where it began; where all are like that they stand whole.
     """
-    if not any_settles(fits):
+    if not some_settle(fits):
         return list(fits)
     return [_of_rows(fit, fit.rows >= _forgotten(fit)) for fit in fits]
 
 
-def any_settles(fits: Sequence[FitRun]) -> bool:
-    """Whether ``settled_of`` leaves out what records remember, or uses them whole."""
+def some_settle(fits: Sequence[FitRun]) -> bool:
+    """Whether some record goes on long enough after it has forgotten what was before it. Where none does, records are
+    used whole."""
     return any(_settles(fit) for fit in fits)
 
 
@@ -287,7 +288,7 @@ def _in_order(fits: Sequence[FitRun]) -> list[int]:
     return order if apart and of_one_clock else list(range(len(fits)))
 
 
-def in_part(session: Sequence[FitRun], others: Sequence[FitRun], operator: Leaves) -> list[FitRun]:
+def session_in_part(session: Sequence[FitRun], others: Sequence[FitRun], operator: Leaves) -> list[FitRun]:
     """Of a session the records that an operator explains about as well as with ``others``, their likeliest memories,
     which stand for the rest. All of the others where most are like that."""
 
