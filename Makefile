@@ -20,7 +20,7 @@ LOCK = $(BIN)/uv pip compile -q --universal --python-version 3.11 --generate-has
 
 BROWSER_DRIVER = $(BIN)/python -m pip install --disable-pip-version-check -q -r requirements-browser.lock
 
-.PHONY: demo test manual links picture test-browser bench compare campaign link-trial storage-trial soak fuzz mutation coverage big-recording coverage-and-manual fuzz-those-installed lint generate setup package lock toolchain firmware budget clean
+.PHONY: demo test manual links picture test-browser trials bench compare campaign link-trial storage-trial soak fuzz mutation coverage big-recording coverage-and-manual fuzz-those-installed lint generate setup package lock toolchain firmware budget clean
 
 demo: $(STAMP)
 	@$(BIN)/phaselead demo --out out/demo --overwrite
@@ -65,6 +65,10 @@ test-browser: $(STAMP)
 	@command -v chromium >/dev/null || DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends chromium
 	@$(BROWSER_DRIVER)
 	@$(BIN)/python -m pytest -q -m browser tests/scope
+
+# Long examples of laws that `make test` tries on a quicker one.
+trials: $(STAMP)
+	@OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -q -m trial -n 2 --dist worksteal --durations 10
 
 bench: $(STAMP)
 	@$(BIN)/python benchmarks/start_up.py

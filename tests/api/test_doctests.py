@@ -14,6 +14,7 @@ import phaselead as pl
 NAMES = [name for name in pl.__all__ if not name.startswith("__")]
 
 
+@pytest.mark.usefixtures("short_search")
 @pytest.mark.parametrize("name", NAMES)
 def test_the_example_is_true(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Each in a folder of its own, with nothing imported and the error's text compared."""

@@ -23,6 +23,8 @@ from phaselead.sim import protocol_sim
 from phaselead.sim.device import VirtualDevice
 from phaselead.sim.plant import built_in, load_any, plant_parameters
 
+pytestmark = pytest.mark.usefixtures("short_search")
+
 MOMENTS = 12
 """Of each command; their places come from a seed."""
 ZERO_V_CODE = 32768
@@ -52,7 +54,7 @@ COMMANDS = {
     "identify": ["identify", "-o", "OUT", "--levels", "1,2,3V", "--frequencies", "10,15,20Hz"],
 }
 LONG = {"identify": 2, "learn": 4, "tune": 1}
-"""Moments of these: tune takes 20 s of processor time, between its first experiment and its last."""
+"""Moments of these: they take long, most of it between experiments."""
 
 
 class Watched(VirtualDevice):

@@ -89,11 +89,8 @@ def test_learning_keeps_the_run_of_every_trial(kept, tmp_path):
         dev.learn("sine:20um@15Hz", model=fitted, trials=2, save=tmp_path / "runs")
 
 
-def test_tuning_keeps_every_run(tmp_path, monkeypatch):
-    from phaselead.control.tuning import shaping
-
-    for name, value in (("GENERATIONS", 15), ("SIMPLEX", 250), ("SIMPLEXES", 2)):
-        monkeypatch.setattr(shaping, name, value)
+@pytest.mark.usefixtures("short_search")
+def test_tuning_keeps_every_run(tmp_path):
     with pl.connect() as dev:
         tuned = dev.tune(save=tmp_path / "runs")
     files = {file.name: digest(file) for file in (tmp_path / "runs").glob("*.h5")}

@@ -9,7 +9,7 @@ import pytest
 
 import phaselead as pl
 from phaselead.control.feedback_loop import HOLD_S, pid_response, plant_response
-from phaselead.control.tuning import course, shaping
+from phaselead.control.tuning import course
 from phaselead.control.tuning.closed_check import refuse_closed
 from phaselead.control.tuning.plant import FittedPlant
 from phaselead.control.tuning.response import Distortion, Measured
@@ -79,11 +79,8 @@ def test_a_peak_above_3_is_refused() -> None:
         refuse_closed("x", measured(np.full(len(f_Hz), True), 100.0), FITTED, GAINS, level_V=0.2, usual_V=0.2)
 
 
+@pytest.mark.usefixtures("short_search")
 def test_tune_writes_nothing_where_its_loop_was_not_measured(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(shaping, "GENERATIONS", 15)
-    monkeypatch.setattr(shaping, "SIMPLEX", 250)
-    monkeypatch.setattr(shaping, "SIMPLEXES", 2)
-
     def deaf(*args, **asked):  # type: ignore[no-untyped-def]
         found = measure(*args, **asked)
         return found if "gains" not in asked else replace(found, coherence=np.where(found.f_Hz < 30, 0.99, 0.5))

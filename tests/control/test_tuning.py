@@ -47,12 +47,7 @@ filters = st.builds(
 PLANT = SmallSignal((14.0, 28.0), ((0.97, 200.0, 0.02), (0.03, 640.0, 0.012)), (8e-5,), HOLD_S + 1e-4)
 
 
-@pytest.fixture(autouse=True)
-def quick(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A shorter search: it finds loops with the same margin, if not the widest."""
-    monkeypatch.setattr(shaping, "GENERATIONS", 15)
-    monkeypatch.setattr(shaping, "SIMPLEX", 250)
-    monkeypatch.setattr(shaping, "SIMPLEXES", 2)
+pytestmark = pytest.mark.usefixtures("short_search")
 
 
 # ---------------------------------------------------------------- filters

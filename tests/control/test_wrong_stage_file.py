@@ -27,6 +27,7 @@ def measured(f_Hz: float, zeta: float = 0.02) -> Measured:
     return Measured(F_Hz, gain, sure, 0.01 * sure, 0.0, none, none, none, none)
 
 
+@pytest.mark.usefixtures("short_search")
 def test_a_stage_file_of_another_stage_is_doubted() -> None:
     """The loop is made for what was measured all the same."""
     words = (

@@ -9,12 +9,13 @@ import pytest
 from talker import Talker, V
 
 from phaselead.device import wire
+from trials import in_trials
 
 ROOT = Path(__file__).parents[2]
 PIO, CORE = ROOT / ".venv" / "bin" / "pio", ROOT / ".pio-core"
 
 
-@pytest.fixture(scope="module", params=[921_600, 115_200])
+@pytest.fixture(scope="module", params=[115_200, *in_trials(921_600)])
 def built(request, tmp_path_factory):
     """The speed, and the ELF for it."""
     if not PIO.exists() or not CORE.exists():

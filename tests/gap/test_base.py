@@ -21,6 +21,7 @@ from phaselead.model.axis import AdoptedEffect, AxisModel, TimeView
 from phaselead.model.effects import effect
 from phaselead.record import AxisRecord, Recording
 from phaselead.validation.trial import try_case
+from trials import in_trials
 
 TRUTH = str(Path(__file__).parent / "truth")
 STEP_s = 5e-4
@@ -33,7 +34,7 @@ def test_a_mode_that_the_base_has_a_little_wrong_gains_nothing():
     assert not [names for names in gaining if {"resonance", "load_change"} & {*names.split(" + ")}]
 
 
-@pytest.mark.parametrize("size", ["1/fast/2", "0.2/fast/1"])
+@pytest.mark.parametrize("size", ["1/fast/2", *in_trials("0.2/fast/1")])
 def test_a_mode_that_moved_from_a_base_without_references_is_no_other_mode(size):
     """A load moved it, or the base was wrong: that has no name, and a mode of its own does not get it."""
     outcome = try_case(TRUTH, f"tuning/unreferenced/load_change/{size}", follow_up=False)
@@ -43,6 +44,7 @@ def test_a_mode_that_moved_from_a_base_without_references_is_no_other_mode(size)
     assert "load_change" not in {bound["name"] for bound in outcome["excluded"]}
 
 
+@pytest.mark.trial
 def test_a_load_that_moves_one_mode_of_two_is_no_mode_of_its_own():
     """Where it sits the smaller mode may stand still: both once moved alike, and what was left looked like a mode."""
     outcome = try_case(TRUTH, "tuning/unreferenced/load_change/1/fast/0", follow_up=False)

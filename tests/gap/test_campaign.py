@@ -11,6 +11,7 @@ import pytest
 from phaselead.validation import score
 from phaselead.validation.trial import try_case
 from phaselead.validation.truth import load_truth
+from trials import in_trials
 
 FOLDER = str(Path(__file__).parent / "truth")
 UNIT_ROWS = 1200
@@ -38,9 +39,8 @@ def test_nothing_hidden_nothing_named():
 @pytest.mark.parametrize(
     ("case", "left"),
     [
-        ("tuning/single/delay/1/fast/0", 0.05),
         ("tuning/single/gain_change/1/slow/1", 0.05),
-        ("tuning/single/charge_leakage/1/slow/0", 0.15),
+        *in_trials(("tuning/single/delay/1/fast/0", 0.05), ("tuning/single/charge_leakage/1/slow/0", 0.15)),
     ],
 )
 def test_a_large_effect_is_named_and_its_gap_closed(case, left):
@@ -50,6 +50,7 @@ def test_a_large_effect_is_named_and_its_gap_closed(case, left):
     assert score.power_left(outcome) < left
 
 
+@pytest.mark.trial
 def test_both_of_a_pair_are_named_though_a_third_could_stand_in_for_them():
     outcome = tried("tuning/pair/load_change+sensor_lowpass/1/fast/0")
     assert sorted(outcome["named"]) == ["load_change", "sensor_lowpass"]
@@ -60,6 +61,7 @@ def test_hum_is_named_though_no_voltage_predicts_it():
     assert tried("tuning/single/mains_hum/1/slow/1")["named"] == ["mains_hum"]
 
 
+@pytest.mark.trial
 def test_what_is_not_in_the_catalogue_is_not_given_its_name():
     outcome = tried("tuning/removed/gain_change/1/slow/1")
     assert "gain_change" not in outcome["named"]

@@ -168,6 +168,7 @@ def test_two_levels_leave_the_power_open_whatever_a_fit_of_each_leaves(levels_V,
     assert (_exponents({0.5: 2.0, 1.0: 1.5, 2.0: 1.0}, records) != (0.5, 2.0)) == told
 
 
+@pytest.mark.trial
 def test_a_determined_power_asks_for_no_record(one_level):
     structure = Structure(7, softening=0.006)
     levels = (1.0, 2.0, 3.0)

@@ -70,6 +70,7 @@ def test_a_narrow_vibration_at_a_mode_mostly_stays(seed):
     assert power_left(wandering, entries=()) > 0.5 * 25
 
 
+@pytest.mark.trial
 def test_a_load_is_no_vibration_where_the_mode_that_it_moved_rings_out():
     outcome = try_case(TRUTH, "tuning/single/load_change/1/fast/16", follow_up=False)
     assert outcome["verdicts"] == ["named"]

@@ -67,6 +67,7 @@ def test_a_frozen_model_keeps_every_number_and_softening_comes_beside(modes, fro
     assert any("kept as the model has them" in message for message in frozen.messages)
 
 
+@pytest.mark.trial
 def test_a_refit_moves_the_modes(modes, both):
     found = run_gap(modes, *both, frozen=False)
     assert not untouched(modes, found.stage)

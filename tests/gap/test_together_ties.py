@@ -59,6 +59,7 @@ def adopted(result) -> set[tuple[str, str]]:
     return {(one.name, one.status) for one in result.adopted if one.name in ("dead_band", "backlash")}
 
 
+@pytest.mark.trial
 def test_two_equations_that_predict_alike_are_a_tie(records, monkeypatch):
     """A dead band in volts and one in micrometres are one thing where nothing lies between them."""
     result = searched(records, monkeypatch, ("hysteresis", "rate_dependence", "asymmetric_hysteresis"))

@@ -28,6 +28,7 @@ from phaselead.model.axis import AxisModel, TimeView
 from phaselead.model.effects import effect
 from phaselead.model.effects.interface import STOOD_OFF
 from phaselead.record.recording import AxisRecord
+from trials import in_trials
 
 RATE_HZ = 1000.0
 LEAK = effect("charge_leakage")
@@ -60,7 +61,7 @@ def leaking(rig, waves_V, rate_per_s, role, lost_V):
     return records, lost_V
 
 
-@pytest.mark.parametrize("rate_per_s", [0.03, 0.1])
+@pytest.mark.parametrize("rate_per_s", [0.1, *in_trials(0.03)])
 def test_a_leak_of_many_times_the_typical_rate_is_named_alone(rate_per_s):
     """Volts of eight are lost before the last records, on a stage with bends. A larger effect never loses its name;
     beside this one stood something unknown, and more of it the larger it was."""

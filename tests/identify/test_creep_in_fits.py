@@ -20,6 +20,7 @@ from phaselead.identify.fitting import fit
 from phaselead.identify.verification import verify
 from phaselead.model import lags, without_lags
 from phaselead.record.recording import AxisRecord, Recording
+from trials import in_trials
 
 Array = NDArray[np.float64]
 RATE_HZ, SPAN_V = 500.0, 100.0
@@ -73,7 +74,7 @@ def creep_of(recordings: list[Recording]) -> float:
     return sum(float(one.params["gamma"]) for one in stage.axis("x").effects if one.name == "creep")
 
 
-@pytest.mark.parametrize("per_decade", [0.003, 0.01, 0.03])
+@pytest.mark.parametrize("per_decade", [0.01, *in_trials(0.003, 0.03)])
 def test_what_creeps_is_found_in_any_records(per_decade):
     assert creep_of(records(per_decade)) == pytest.approx(per_decade, rel=0.15)
 
@@ -95,7 +96,7 @@ def test_a_sine_of_one_frequency_does_not_tell_creep_from_a_loop():
     assert creep_of([Recording(t, {"x": AxisRecord(u, x)}, slice(None), "sine")]) == 0.0
 
 
-@pytest.mark.parametrize("share", [1.0, 0.05])
+@pytest.mark.parametrize("share", [0.05, *in_trials(1.0)])
 def test_a_quick_lag_is_not_called_creep(share):
     """Of 20 ms, of all that the sensor says or of a twentieth: no straight line in the logarithm of time."""
 
@@ -108,7 +109,7 @@ def test_a_quick_lag_is_not_called_creep(share):
     assert creep_of(with_positions(late, records(0.0))) == 0.0
 
 
-@pytest.mark.parametrize("rest_um", [0.0, 50.0])
+@pytest.mark.parametrize("rest_um", [50.0, *in_trials(0.0)])
 def test_what_the_model_predicts_rests_where_the_stage_does(rest_um):
     """In um, not about the mean: from rest at 0 V, wherever the sensor has its zero."""
     moved = with_positions(lambda x: x + rest_um, [*records(0.02), *records(0.02, seed=2)])

@@ -16,6 +16,7 @@ from phaselead.model.axis import Limits
 from phaselead.model.prediction import predict
 from phaselead.model.stage_file import Stage
 from phaselead.record.recording import AxisRecord
+from trials import in_trials
 
 RATE_HZ = 2500.0
 RECORDS = ("sine", "small sine", "steps", "multisine")
@@ -66,7 +67,7 @@ def turned(record):
 EVEN = replace(NO_MODE, memory=plays)
 
 
-@pytest.mark.parametrize("bend", [-0.1, -0.03, 0.06, 0.12])
+@pytest.mark.parametrize("bend", [0.06, *in_trials(-0.1, -0.03, 0.12)])
 def test_a_bend_of_the_field_is_found_and_predicts(bend):
     truth = replace(NO_MODE, memory=plays_of(bend))
     stage, report = fit(laboratory(truth, RATE_HZ, only=RECORDS))

@@ -15,6 +15,7 @@ from phaselead.identify.fitting import fit
 from phaselead.model.prediction import predict
 from phaselead.model.stage_file import load_stage, save_stage
 from phaselead.record.recording import AxisRecord
+from trials import in_trials
 
 RATE_HZ = 2500.0
 RECORDS = ("sine", "small sine", "steps", "multisine")
@@ -75,7 +76,7 @@ def weights(stage):
     return density.at((low + high) / 2 + AT * (high - low) / 2)
 
 
-@pytest.mark.parametrize("weight", [bell, rising])
+@pytest.mark.parametrize("weight", [bell, *in_trials(rising)])
 def test_uneven_weights_are_found_and_predict(weight):
     stage, report = fit(records_of(weight))
     assert weights(stage) == pytest.approx([weight(s) for s in AT], abs=0.03)
