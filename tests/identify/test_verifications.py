@@ -13,6 +13,7 @@ from phaselead.errors import BadInput
 from phaselead.model import AdoptedEffect, AxisModel, Stage, TimeView, simulate
 from phaselead.record import Recording
 from phaselead.record.exporting import write_csv
+from phaselead.sim import built_in
 
 RATE_HZ = 500.0
 VIEW = TimeView(gain_um_per_V=20.0, u_range_V=(0.0, 5.0), rate_Hz=RATE_HZ)
@@ -371,6 +372,43 @@ def test_without_its_mean_a_delay_is_told_as_with_it():
         assert "something else" not in line
 
 
+RINGS = built_in("xyz250")
+"""Its mode at 200 Hz rings on for a tenth of a second."""
+FAST_s = np.arange(5000) / 5000.0
+DRIVES = {
+    "step": np.where(FAST_s < 0.2, 0.0, 5.0),
+    "square": 5.0 * ((FAST_s * 5) % 1 >= 0.5),
+    "staircase": np.random.default_rng(1).uniform(0, 10, 20)[(FAST_s * 20).astype(int)],
+    "sine from elsewhere": 5 + 2 * np.sin(2 * np.pi * 3 * FAST_s),
+}
+
+
+@pytest.mark.parametrize("drive", DRIVES)
+@pytest.mark.parametrize("late_s", [-1e-3, 2e-4, 4e-4, 1e-3, 2e-3, 1e-2])
+def test_a_delay_of_a_stage_that_rings_is_told(drive, late_s):
+    """Between two of the delays that are tried it rings several times: another was told, or that none describes it."""
+    u_V = DRIVES[drive]
+    x_um = simulate(RINGS.axis("x"), FAST_s, u_V)
+    late_um = np.interp(FAST_s - late_s, FAST_s, x_um) + np.random.default_rng(2).normal(0, 0.005, len(FAST_s))
+    time = RINGS.axis("x").time.model_copy(update={"residual_um_rms": 0.02})
+    model = Stage(name="rings", axes={"x": RINGS.axis("x").model_copy(update={"time": time})})
+    (found,) = verify(model, recording(t_s=FAST_s, u_V=u_V, x_um=late_um, source="rec.csv"))
+    assert found.described is not None
+    (change,) = found.described.ways[0].changes
+    assert change.what == "delay"
+    assert change.value == pytest.approx(late_s, abs=2e-5)
+
+
+def test_of_what_no_change_describes_the_worst_is_named():
+    def bent(size_um: float, source: str) -> Recording:
+        x_um = 20 * U_V + size_um * np.sin(2 * np.pi * U_V / 2)
+        return recording(t_s=T_s, u_V=U_V, x_um=x_um, source=source)
+
+    (line, _) = verify(FITTED, [bent(1.5, "a.csv"), bent(6.0, "b.csv"), bent(3.0, "c.csv")]).remarks()
+    assert line.startswith("b.csv: axis x leaves ")
+    assert line.endswith("(2 more like it)")
+
+
 @pytest.mark.filterwarnings("error")
 def test_a_late_step_near_the_end_of_a_short_window_is_no_search_among_no_rows():
     u_V = np.interp(np.arange(len(T_s)), [len(T_s) - 12, len(T_s) - 11], [0.0, 5.0])
@@ -386,7 +424,12 @@ def test_records_that_the_model_was_fitted_on_are_said_to_be():
     fitted = fit(made).model
     found = verify(fitted, [made, replace(changed(), sha256="1" * 64)])
     assert [one.fitted_on for one in found] == [True, False]
-    assert "rec.csv: the model was fitted on rows of it" in found.remarks()
+    in_memory = fit(changed()).model
+    assert [one.fitted_on for one in verify(in_memory, [changed(), changed(gain=2)])] == [True, False]
+    unknown = [source.model_copy(update={"rows_s": None}) for source in fitted.provenance.data]
+    older = fitted.model_copy(update={"provenance": fitted.provenance.model_copy(update={"data": tuple(unknown)})})
+    assert not verify(older, made)[0].fitted_on
+    assert "the model was fitted on rows of rec.csv" in found.remarks()
     assert [one.get("fitted_on") for one in found.as_dict()["records"]] == [True, None]
 
 

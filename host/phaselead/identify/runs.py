@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -340,6 +341,13 @@ def period_s(run: AxisRun) -> float:
     rate = np.minimum(rate, np.quantile(rate, 0.99))
     speed = float(np.sqrt(np.mean(rate**2)))
     return float(2 * np.pi * u.std()) / speed if speed > 0 else np.inf
+
+
+def repeats_s(run: AxisRun) -> float:
+    """The shortest time between two jumps to the same side inside the record; infinite without such a pair."""
+    found = [(first, run.u_V[last] > run.u_V[first - 1]) for first, last in _whole_jumps(run)]
+    to_a_side = [[first for first, up in found if up == side] for side in (True, False)]
+    return min((later - first for rows in to_a_side for first, later in pairwise(rows)), default=np.inf) * run.step_s
 
 
 def jumps(run: AxisRun) -> NDArray[np.intp]:

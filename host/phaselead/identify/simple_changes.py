@@ -12,8 +12,9 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
+from scipy.signal import correlate, correlation_lags
 
-from phaselead.identify.runs import AxisRun, period_s
+from phaselead.identify.runs import AxisRun, period_s, repeats_s
 from phaselead.model import TimeView
 from phaselead.quantity import digits
 from phaselead.record import Samples
@@ -32,7 +33,8 @@ reason. Chosen."""
 FAR_WORSE = 10.0
 """Times the rms that the fit left: more than that is no matter of another record. Chosen."""
 LATEST = 0.25
-"""Of a period, or of the scored rows where nothing repeats: a sine that comes later looks like one that is earlier."""
+"""Of a period, of the time between jumps to one side, or of the scored rows where nothing repeats: a sine that comes
+later looks like one that is earlier."""
 KNOWN = 0.5
 """Of the scored rows: of a prediction that is known in fewer, once it comes later or earlier, nothing is said."""
 JUMP_SHARE = 0.25
@@ -156,7 +158,7 @@ class _Changes:
         self._predicted_um, self._at_rest_um, self._refit_offset = predicted_um, at_rest_um, refit_offset
         self._scored = np.arange(len(run.t_s))[run.scored]
         scored_s = run.t_s[self._scored]
-        self.latest_s = LATEST * min(period_s(run), float(scored_s[-1] - scored_s[0]))
+        self.latest_s = LATEST * min(period_s(run), repeats_s(run), float(scored_s[-1] - scored_s[0]))
         self.error_um = self._judged(run.x_um - predicted_um, self._scored)
 
     def by(self, which: tuple[What, ...]) -> Way:
@@ -199,10 +201,24 @@ class _Changes:
 
         grid_s = np.linspace(-self.latest_s, self.latest_s, DELAYS)
         best = int(np.argmin([left(late_s) for late_s in grid_s]))
-        bounds = grid_s[max(best - 1, 0)], grid_s[min(best + 1, DELAYS - 1)]
-        options = {"xatol": SMALL * self._step_s}
-        between = minimize_scalar(left, bounds=bounds, method="bounded", options=options)
-        return min((float(grid_s[best]), float(between.x)), key=left)
+        tried, aligned_s = [0.0, float(grid_s[best]), self._aligned_s], self._aligned_s
+        for low_s, high_s in (
+            (grid_s[max(best - 1, 0)], grid_s[min(best + 1, DELAYS - 1)]),
+            (aligned_s - self._step_s, aligned_s + self._step_s),
+        ):
+            bounds, options = (max(low_s, -self.latest_s), min(high_s, self.latest_s)), {"xatol": SMALL * self._step_s}
+            tried.append(float(minimize_scalar(left, bounds=bounds, method="bounded", options=options).x))
+        return min(tried, key=left)
+
+    @cached_property
+    def _aligned_s(self) -> float:
+        """The delay, to a row, beside which the prediction goes up and down where the position does: of what jumps or
+        rings that is sharper than the delays that are tried stand apart."""
+        measured, predicted = (np.diff(x_um[self._scored]) for x_um in (self._measured_um, self._predicted_um))
+        rows = correlation_lags(len(measured), len(predicted))
+        allowed = np.abs(rows) * self._step_s <= self.latest_s
+        alike = correlate(measured, predicted, method="fft")
+        return float(rows[allowed][np.argmax(alike[allowed])] * self._step_s)
 
     def _at(
         self, which: tuple[What, ...], late_s: float, rows: NDArray[np.intp]

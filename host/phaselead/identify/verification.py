@@ -48,7 +48,7 @@ class Verification:
     described: Described | None = None
     """What describes an error that is larger than the model should leave."""
     fitted_on: bool = False
-    """Whether the model was fitted on rows of it."""
+    """Whether the stage file says that the model was fitted on rows of it."""
 
 
 def verification_dict(verification: Verification) -> dict[str, Any]:

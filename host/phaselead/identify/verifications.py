@@ -73,16 +73,18 @@ class Verifications(Result, list[Verification]):
 
     def remarks(self) -> list[str]:
         """One line for each recording, or axis of one, that was left out, on those that the model was fitted on, and
-        for those whose error the same changes describe."""
+        for those whose error the same changes describe, or none does, then of that with the largest."""
         left_out = [f"left out: {line}" for line in self.left_out]
         own = list(dict.fromkeys(v.file for v in self if v.fitted_on))
-        fitted_on = [f"{own[0]}{more_like_it(len(own) - 1)}: the model was fitted on rows of it"] if own else []
-        alike: dict[tuple[str, tuple[Size, ...]], list[str]] = {}
+        fitted_on = [f"the model was fitted on rows of {own[0]}{more_like_it(len(own) - 1)}"] if own else []
+        alike: dict[tuple[str, tuple[Size, ...]], list[tuple[float, str]]] = {}
         for v in self:
             if v.described is not None:
                 said = f"{v.file}: axis {v.axis} {v.described.said()}"
-                alike.setdefault((v.axis, v.described.about), []).append(said)
-        each = [lines[0] + more_like_it(len(lines) - 1) for lines in alike.values()]
+                alike.setdefault((v.axis, v.described.about), []).append((v.described.error_um_rms, said))
+        each = [
+            (lines[0] if about else max(lines))[1] + more_like_it(len(lines) - 1) for (_, about), lines in alike.items()
+        ]
         return [*left_out, *fitted_on, *each, *([WHAT_NEXT] if each else [])]
 
     def tables(self) -> list[Table | str]:

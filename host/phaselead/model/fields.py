@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, Strict
 from pydantic_core import PydanticCustomError
 
 from phaselead.model.validation_errors import fault
@@ -87,6 +87,8 @@ def _rising(value: tuple[float, float]) -> tuple[float, float]:
     return value
 
 
+Times = Annotated[tuple[Annotated[float, Strict()], Annotated[float, Strict()]], AfterValidator(_rising)]
+"""Of a clock of any kind, which ``Number`` is too narrow for."""
 Span = Annotated[tuple[Number, Number], BeforeValidator(_as_list), AfterValidator(_rising)]
 
 

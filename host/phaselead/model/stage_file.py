@@ -21,7 +21,7 @@ from pydantic import AfterValidator, Field, StringConstraints, ValidationError, 
 from phaselead.errors import BadInput
 from phaselead.model.axis import AdoptedEffect, AxisModel
 from phaselead.model.effects import catalogue
-from phaselead.model.fields import Matrix3, Part
+from phaselead.model.fields import Matrix3, Part, Times
 from phaselead.model.stage_toml import toml_text
 from phaselead.model.summary import axis_table, parameter_columns, parameter_table, stage_figure
 from phaselead.model.validation_errors import explain, explained, fault, key_path
@@ -53,14 +53,16 @@ class DataSource(Part):
     """A recording the stage was fitted on."""
 
     file: str = Field(description="name of the recording")
-    sha256: Sha256 = Field(description="SHA-256 of its bytes")
-    rows_s: tuple[float, float] | None = Field(None, description="s, first and last of its rows that were used")
+    sha256: Sha256 = Field(description="SHA-256 of its file, else of its samples")
+    rows_s: Times | None = Field(None, description="s, first and last of its rows that were used")
 
     def holds_rows_of(self, recording: Recording) -> bool:
-        """Whether the stage was fitted on rows of a recording. A stage file without ``rows_s`` used all."""
+        """Whether it is known that the stage was fitted on scored rows of a recording: a stage file may lack
+        ``rows_s``."""
+        if self.rows_s is None or self.sha256 not in (recording.sha256, recording.samples_sha256):
+            return False
         first_s, last_s = recording.scored_s
-        used_s = self.rows_s or (first_s, last_s)
-        return self.sha256 == recording.traced.sha256 and first_s <= used_s[1] and used_s[0] <= last_s
+        return first_s <= self.rows_s[1] and self.rows_s[0] <= last_s
 
 
 class Provenance(Part):
@@ -80,11 +82,11 @@ class Provenance(Part):
 
 def provenance_of(parent: Stage | None, recordings: Sequence[Recording]) -> Provenance:
     """Of a stage file that is made now, by this program, from the one before and from what was learned."""
-    names = shortest_names({r.source for r in recordings})
+    traced = [(r.traced, r.scored_s) for r in recordings]
+    names = shortest_names({source.name for source, _ in traced})
     sources = {
-        (r.sha256, r.scored_s): DataSource(file=names[r.source] or "recording", sha256=r.sha256, rows_s=r.scored_s)
-        for r in recordings
-        if r.sha256
+        (source.sha256, rows_s): DataSource(file=names[source.name], sha256=source.sha256, rows_s=rows_s)
+        for source, rows_s in traced
     }
     now = datetime.datetime.now(datetime.UTC).replace(microsecond=0)
     return Provenance(
