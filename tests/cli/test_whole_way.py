@@ -128,7 +128,7 @@ def test_identify_gives_the_same_file_twice(run, tmp_path):
 
 
 def test_fit_of_the_saved_records_is_the_fit_of_identify(run, tmp_path):
-    """By the rows that the stage file says were used."""
+    """From the first rows on that the stage file says were used."""
     few, kept = ("--levels", "1,2,3V", "--frequencies", "10,15,20Hz", "-o", tmp_path / "a.toml"), tmp_path / "kept"
     assert run("identify", *few, "--save", kept).status == 0
     stage = load_stage(tmp_path / "a.toml")

@@ -201,14 +201,12 @@ class _Changes:
 
         grid_s = np.linspace(-self.latest_s, self.latest_s, DELAYS)
         best = int(np.argmin([left(late_s) for late_s in grid_s]))
-        tried, aligned_s = [0.0, float(grid_s[best]), self._aligned_s], self._aligned_s
-        for low_s, high_s in (
-            (grid_s[max(best - 1, 0)], grid_s[min(best + 1, DELAYS - 1)]),
-            (aligned_s - self._step_s, aligned_s + self._step_s),
-        ):
-            bounds, options = (max(low_s, -self.latest_s), min(high_s, self.latest_s)), {"xatol": SMALL * self._step_s}
-            tried.append(float(minimize_scalar(left, bounds=bounds, method="bounded", options=options).x))
-        return min(tried, key=left)
+        tried_s = [0.0, float(grid_s[best]), self._aligned_s]
+        for near_s, apart_s in ((tried_s[1], grid_s[1] - grid_s[0]), (tried_s[2], self._step_s)):
+            bounds = max(near_s - apart_s, -self.latest_s), min(near_s + apart_s, self.latest_s)
+            options = {"xatol": SMALL * self._step_s}
+            tried_s.append(float(minimize_scalar(left, bounds=bounds, method="bounded", options=options).x))
+        return min(tried_s, key=left)
 
     @cached_property
     def _aligned_s(self) -> float:

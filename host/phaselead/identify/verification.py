@@ -83,7 +83,7 @@ def verify(
             raise BadInput(left_out[0])
         predicted = predict(stage, recording) if view == "time" else None
         sha256 = recording.traced.sha256
-        fitted_on = any(source.holds_rows_of(recording) for source in stage.provenance.data)
+        fitted_on = stage.provenance.holds_rows_of(recording)
         for axis, run in runs.items():
             if predicted is None:
                 judged = _judge(run, _table_response(stage, run), refit_offset, sha256)
@@ -130,14 +130,16 @@ def _about_start(stage: Stage, recording: Recording, run: AxisRun, rested_um: Sa
         predicted = predict(stage, recording, turned_V={run.axis: turned_V})
         return (run.x_um - _position(predicted, run.axis))[run.scored]
 
+    def rms(error_um: Samples) -> float:
+        return float(np.std(error_um) if refit_offset else np.sqrt(np.mean(error_um**2)))
+
     view, rested = stage.axis(run.axis).time, (run.x_um - rested_um)[run.scored]
-    error_um_rms = float(np.std(rested) if refit_offset else np.sqrt(np.mean(rested**2)))
-    if view is None or not more_than_usual(error_um_rms, run, view):
+    if view is None or not more_than_usual(rms(rested), run, view):
         return ""
     tried = {turned_V: left_um(turned_V) for turned_V in _ways(view, run, rested)}
     if not tried:
         return ""
-    rms_um = {way: float(np.std(e) if refit_offset else np.sqrt(np.mean(e**2))) for way, e in tried.items()}
+    rms_um = {way: rms(error_um) for way, error_um in tried.items()}
     alike = [way for way, left_um in rms_um.items() if left_um <= ALIKE * min(rms_um.values())]
     best = min(alike, key=lambda turned_V: [abs(volt) for volt in turned_V])
     stood = [()] if () in tried else []

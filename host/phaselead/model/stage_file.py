@@ -56,14 +56,6 @@ class DataSource(Part):
     sha256: Sha256 = Field(description="SHA-256 of its file, else of its samples")
     rows_s: Times | None = Field(None, description="s, first and last of its rows that were used")
 
-    def holds_rows_of(self, recording: Recording) -> bool:
-        """Whether it is known that the stage was fitted on scored rows of a recording: a stage file may lack
-        ``rows_s``."""
-        if self.rows_s is None or self.sha256 not in (recording.sha256, recording.samples_sha256):
-            return False
-        first_s, last_s = recording.scored_s
-        return first_s <= self.rows_s[1] and self.rows_s[0] <= last_s
-
 
 class Provenance(Part):
     """Where the stage file came from."""
@@ -73,6 +65,13 @@ class Provenance(Part):
     left_out: tuple[str, ...] | None = Field(None, description="recordings that could not be used, and why")
     tool: str = Field("", description="program and version that wrote it")
     created: str = Field("", description="when, ISO 8601")
+
+    def holds_rows_of(self, recording: Recording) -> bool:
+        """Whether it is known that the stage was fitted on scored rows of a recording: an older stage file lacks
+        ``rows_s``."""
+        digests, (first_s, last_s) = (recording.sha256, recording.samples_sha256), recording.scored_s
+        used_s = [source.rows_s for source in self.data if source.rows_s and source.sha256 in digests]
+        return any(first_s <= to_s and from_s <= last_s for from_s, to_s in used_s)
 
     @field_validator("parent_sha256", mode="before")
     @classmethod
