@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from phaselead.identify.operator.regressors import FitRun, design_matrix, nested_basis
 from phaselead.identify.operator.solution import moments
 from phaselead.identify.runs import AxisRun
+from phaselead.model import behind_modes
 from phaselead.model.operator import delayed, plays
 
 STEP_S = 1e-3
@@ -56,6 +57,38 @@ def test_skipping_rows_changes_nothing(u, data, delay_rows, rest_fraction, turne
     np.testing.assert_allclose(
         design_matrix(fit, BASIS, delay_s, rest_fraction), every_row(fit, delay_s, rest_fraction), atol=1e-12
     )
+
+
+MODES = st.lists(
+    st.tuples(st.floats(-2.0, 2.0), st.floats(1.0, 450.0), st.floats(0.002, 0.9)), min_size=1, max_size=3
+).map(tuple)
+
+
+@settings(deadline=None, max_examples=400)
+@given(
+    VOLTAGES,
+    st.data(),
+    st.floats(0.0, 8.0),
+    st.floats(-1.0, 1.0),
+    st.one_of(st.none(), st.lists(st.sampled_from([-2.0, 1.1, 6.5]), max_size=3).map(tuple)),
+    MODES,
+)
+def test_modes_ring_of_what_every_row_did(u, data, delay_rows, rest_fraction, turned_V, modes):
+    rows = sorted(data.draw(st.sets(st.integers(0, len(u) - 1), min_size=1)))
+    delay_s = delay_rows * STEP_S
+    whole = every_row(fit_of(u, range(len(u)), turned_V), delay_s, rest_fraction)
+    found = design_matrix(fit_of(u, rows, turned_V), BASIS, delay_s, rest_fraction, modes)
+    np.testing.assert_allclose(found, behind_modes(whole, modes, STEP_S)[rows], rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize("zeta", [0.005, 0.3])
+def test_a_long_record_rings_the_same_at_the_few_rows_that_count(zeta):
+    t_s = np.arange(20_000) * STEP_S
+    u = 2 + 3 * np.sin(2 * np.pi * 0.7 * t_s) + 0.8 * np.sin(2 * np.pi * 11 * t_s) + (t_s > 7)
+    rows, modes = np.arange(3_000, len(u), 211), ((1.0, 97.0, zeta), (-0.3, 310.0, 0.02))
+    whole = every_row(fit_of(u, range(len(u)), ()), 1.7e-3, 0.3)
+    found = design_matrix(fit_of(u, rows, ()), BASIS, 1.7e-3, 0.3, modes)
+    np.testing.assert_allclose(found, behind_modes(whole, modes, STEP_S)[rows], rtol=0, atol=1e-10)
 
 
 def test_moments_are_those_of_the_columns_group_by_group():

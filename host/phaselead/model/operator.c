@@ -1,6 +1,7 @@
 #include "operator.h"
 
 #include "fading.h"
+#include "late_voltage.h"
 
 #include <stdbool.h>
 
@@ -35,19 +36,12 @@ static inline double added(const struct stage_density *d, double p)
     return even(d) ? p : read_out(d, p);
 }
 
-static inline double late(const double *u, double before, size_t k, size_t whole, double part)
-{
-    double at = k >= whole ? u[k - whole] : before;
-    double earlier = k > whole ? u[k - whole - 1] : before;
-    return at + part * (earlier - at);
-}
-
 void stage_delay(size_t n, const double *u, double before, double delay, double *v)
 {
     size_t whole = delay < (double)n ? (size_t)delay : n;
     double part = delay < (double)n ? delay - (double)whole : 0.0;
     for (size_t k = 0; k < n; k++) {
-        v[k] = late(u, before, k, whole, part);
+        v[k] = late_voltage(u, before, k, whole, part);
     }
 }
 
@@ -117,7 +111,7 @@ void stage_columns(const struct stage_record *record, double delay, const struct
         size_t turned = turn < record->n_turns ? record->turns[turn] + whole : wanted;
         size_t beyond = after < record->n_turns ? record->turns[after] + whole + 1 : wanted;
         size_t k = first_of(wanted, first_of(turned, beyond));
-        double v = late(record->u, record->before, k, whole, part);
+        double v = late_voltage(record->u, record->before, k, whole, part);
         step(v, basis->n_plays, basis->r, 1.0, p);
         for (size_t j = 0; j < basis->n_fading; j++) {
             z[j] = fading_step(from, v, basis->fading_r[j], z[j]);

@@ -30,6 +30,7 @@ from phaselead.model import (
     PlayDensity,
     TimeView,
     behind_modes,
+    coefficients_of_modes,
     relaxed_late,
     state_after,
 )
@@ -76,9 +77,15 @@ class _Basis(ctypes.Structure):
 
 @cache
 def _kernel() -> ctypes.CDLL:
-    kernel = kernel_of("phaselead.model._kernel", "stage_columns", sizes={"stage_basis_size": _Basis})
-    kernel.stage_columns.argtypes = [ctypes.POINTER(_Record), _DOUBLE, ctypes.POINTER(_Basis), *[_ARRAY] * 3]
+    functions = ("stage_columns", "stage_columns_behind_modes", "stage_room_behind_modes")
+    kernel = kernel_of("phaselead.model._kernel", *functions, sizes={"stage_basis_size": _Basis})
+    record, basis = ctypes.POINTER(_Record), ctypes.POINTER(_Basis)
+    kernel.stage_columns.argtypes = [record, _DOUBLE, basis, *[_ARRAY] * 3]
     kernel.stage_columns.restype = None
+    kernel.stage_columns_behind_modes.argtypes = [record, _DOUBLE, basis, _SIZE, *[_ARRAY] * 4]
+    kernel.stage_columns_behind_modes.restype = None
+    kernel.stage_room_behind_modes.argtypes = [record, basis, _SIZE]
+    kernel.stage_room_behind_modes.restype = _SIZE
     return kernel
 
 
@@ -116,17 +123,24 @@ class RecordInC:
         _, _, rows, x_um = self._arrays
         return RecordInC(u_V, self._record.before, turns, rows, x_um)
 
-    def fill(self, out: Samples, delay_rows: float, basis: BasisInC, start: Start) -> None:
+    def fill(
+        self, out: Samples, delay_rows: float, basis: BasisInC, start: Start, modes: Samples | None = None
+    ) -> None:
         """Write the columns [segments, plays, fading plays, 1, position] into ``out`` (rows, columns).
 
+        ``modes``: ``coefficients_of_modes`` (m, 7) that those of an even basis without fading plays are seen behind.
         Raises ValueError for a negative delay.
         """
         if not delay_rows >= 0:
             raise ValueError(f"a delay of {delay_rows} rows would need the future")
-        ends = [np.array(one, dtype=np.float64) for one in start]
-        _kernel().stage_columns(
-            self._address, delay_rows, basis.address, *(end.ctypes.data for end in ends), out.ctypes.data
-        )
+        plays_V, fading = (np.array(one, dtype=np.float64) for one in start)
+        if modes is None:
+            data = (one.ctypes.data for one in (plays_V, fading, out))
+            _kernel().stage_columns(self._address, delay_rows, basis.address, *data)
+            return
+        room = np.empty(_kernel().stage_room_behind_modes(self._address, basis.address, len(modes)))
+        data = (one.ctypes.data for one in (modes, plays_V, room, out))
+        _kernel().stage_columns_behind_modes(self._address, delay_rows, basis.address, len(modes), *data)
 
 
 class BasisInC:
@@ -176,6 +190,11 @@ class Basis:
     def n_plays(self) -> int:
         """How many plays there are that do not fade; their slopes stand in front of those that do."""
         return len(self.play_r_V)
+
+    @property
+    def goes_or_stands(self) -> bool:
+        """Whether each column either goes with the voltage or stands still."""
+        return self.density.is_even and not len(self.fading_r_V)
 
     def equals(self, other: Basis) -> bool:
         """Whether both have the same plays and segments."""
@@ -248,6 +267,12 @@ class FitRun:
         groups = np.concatenate([np.full(len(start), self.groups[0]), self.groups])
         return replace(self, rows=np.concatenate([start, self.rows]), groups=groups)
 
+    @cached_property
+    def of_every_row(self) -> FitRun:
+        """The same, but that all rows of the record count."""
+        rows = np.arange(len(self.run.u_V), dtype=np.uintp)
+        return replace(self, rows=rows, groups=np.zeros(len(rows), dtype=np.intp))
+
     def position(self) -> Samples:
         """Measured (rows,) in um."""
         return self.run.x_um[self.rows]
@@ -258,16 +283,9 @@ class FitRun:
 
     @cached_property
     def _record(self) -> RecordInC:
-        return self._in_C(self.rows, self.position())
-
-    @cached_property
-    def _whole_record(self) -> RecordInC:
-        return self._in_C(np.arange(len(self.run.u_V), dtype=np.uintp), self.run.x_um)
-
-    def _in_C(self, rows: NDArray[np.uintp], x_um: Samples) -> RecordInC:
         """A field turns where its voltage does."""
-        driven_V = self.field.of(self.run.u_V)
-        return RecordInC(driven_V, self.field.at(self._before_V), self.run.turning_rows, rows, x_um)
+        driven_V, before_V = self.field.of(self.run.u_V), self.field.at(self._before_V)
+        return RecordInC(driven_V, before_V, self.run.turning_rows, self.rows, self.position())
 
     def fill(
         self,
@@ -280,27 +298,31 @@ class FitRun:
     ) -> None:
         """Write the columns [segments, plays, fading plays, 1, position] into ``out`` (rows, basis.size + 2), behind
         the ``modes``."""
-        if not modes:
-            self._fill(out, self._record, delay_s, in_C, self._start(basis, rest_fraction))
+        if not modes or basis.goes_or_stands:
+            carried = coefficients_of_modes(modes, self.run.step_s) if modes else None
+            self._fill(out, self._record, delay_s, in_C, self._start(basis, rest_fraction), carried)
             return
-        still = self.still(delay_s, basis, rest_fraction, in_C)
+        still = np.empty((len(self.run.u_V), basis.size + 2))
+        self.of_every_row.fill(still, delay_s, basis, rest_fraction, in_C)
         out[: len(self.rows)] = behind_modes(still, modes, self.run.step_s)[self.rows]  # all of it: a part is a copy
         out[: len(self.rows), -1] = self.position()
 
-    def still(self, delay_s: float, basis: Basis, rest_fraction: float, in_C: BasisInC) -> Samples:
-        """The same columns at all rows of the record (n, basis.size + 2), without modes."""
-        columns = np.empty((len(self.run.u_V), basis.size + 2))
-        self._fill(columns, self._whole_record, delay_s, in_C, self._start(basis, rest_fraction))
-        return columns
-
-    def _fill(self, out: Samples, record: RecordInC, delay_s: float, basis: BasisInC, start: Start) -> None:
+    def _fill(
+        self,
+        out: Samples,
+        record: RecordInC,
+        delay_s: float,
+        basis: BasisInC,
+        start: Start,
+        modes: Samples | None = None,
+    ) -> None:
         """Delay and low-pass go together: the way of a lag is curved between rows."""
         if not self.lag_s:
-            record.fill(out, delay_s / self.run.step_s, basis, start)
+            record.fill(out, delay_s / self.run.step_s, basis, start, modes)
             return
         u_V = np.concatenate([[self._before_V], self.run.u_V])
         late_V = relaxed_late(u_V, [self.lag_s], self.run.step_s, delay_s)[1:]
-        record.with_voltage(self.field.of(late_V), turning_rows(late_V)).fill(out, 0.0, basis, start)
+        record.with_voltage(self.field.of(late_V), turning_rows(late_V)).fill(out, 0.0, basis, start, modes)
 
     def _start(self, basis: Basis, rest_fraction: float) -> Start:
         plays_V, fading = rest_fraction * basis.play_r_V, np.full(len(basis.fading_r_V), -rest_fraction)
@@ -397,6 +419,14 @@ def time_view(
         u_range_V=(float(basis.knots_V[0]), float(basis.knots_V[-1])),
         rate_Hz=rate_Hz,
     )
+
+
+def weighty(basis: Basis, slopes: Samples) -> tuple[Basis, Samples]:
+    """The basis without the plays, fading or not, whose slope is 0, and the slopes of what it has."""
+    n, m = basis.n_segments, basis.n_plays
+    plays, fading = slopes[n : n + m] > 0, slopes[n + m :] > 0
+    kept = np.concatenate([np.ones(n, dtype=np.bool_), plays, fading])
+    return replace(basis, play_r_V=basis.play_r_V[plays], fading_r_V=basis.fading_r_V[fading]), slopes[kept]
 
 
 def with_weight(basis: Basis, slopes: Samples) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:

@@ -17,7 +17,7 @@ from scipy.optimize import nnls
 
 from phaselead.errors import BadInput
 from phaselead.identify.gauss_newton import descend, least_in_box, ridged
-from phaselead.identify.operator.regressors import Basis, FitRun, Turns, design_matrix, time_view
+from phaselead.identify.operator.regressors import Basis, FitRun, Turns, design_matrix, time_view, weighty
 from phaselead.model import Mode, TimeView, behind_modes, resonant
 from phaselead.record import Samples
 
@@ -339,24 +339,22 @@ def linearised(fit: FitRun, point: Solution, delay_step_s: float) -> Samples:
     frequency and damping of each mode, 1, and the measured position. The column of the delay is a difference over
     ``delay_step_s``.
     """
-    basis, free, slopes, modes = point.basis, point.slopes > 0, point.slopes, point.modes
-    delay_s, rest, n = point.delay_s, point.rest_fraction, int(np.count_nonzero(point.slopes > 0))
+    basis, slopes = weighty(point.basis, point.slopes)
+    free, modes = slopes > 0, point.modes
+    delay_s, rest, n = point.delay_s, point.rest_fraction, int(np.count_nonzero(free))
     near = rest + (REST_STEP if rest < 0 else -REST_STEP)
     columns = np.empty((len(fit.rows), n + 4 + 3 * len(modes)))
+    columns[:, :n] = design_matrix(fit, basis, delay_s, rest, modes)[:, free]
+    every = fit.of_every_row if modes else fit  # a mode rings of all rows, not of those alone that count
+    answer = design_matrix(every, basis, delay_s, rest) @ slopes
+    late = design_matrix(every, basis, delay_s + delay_step_s, rest) @ slopes
+    other = design_matrix(every, basis, delay_s, near) @ slopes
+    changes = np.stack([(late - answer) / delay_step_s, (other - answer) / (near - rest)], axis=1)
     if modes:
-        still = fit.still(delay_s, basis, rest, basis.in_C(rest))[:, :-2]
-        columns[:, :n] = behind_modes(still[:, free], modes, fit.run.step_s)[fit.rows]
-        answer = still @ slopes
-        late = fit.still(delay_s + delay_step_s, basis, rest, basis.in_C(rest))[:, :-2] @ slopes
-        other = fit.still(delay_s, basis, near, basis.in_C(near))[:, :-2] @ slopes
-        changes = np.stack([(late - answer) / delay_step_s, (other - answer) / (near - rest)], axis=1)
-        columns[:, n : n + 2] = behind_modes(changes, modes, fit.run.step_s)[fit.rows]
-        columns[:, n + 2 : -2] = _mode_columns(answer, modes, fit.run.step_s)[fit.rows]
-    else:
-        at = design_matrix(fit, basis, delay_s, rest)
-        columns[:, :n] = at[:, free]
-        columns[:, n] = (design_matrix(fit, basis, delay_s + delay_step_s, rest) - at) @ slopes / delay_step_s
-        columns[:, n + 1] = (design_matrix(fit, basis, delay_s, near) - at) @ slopes / (near - rest)
+        step_s = fit.run.step_s
+        columns[:, n + 2 : -2] = _mode_columns(answer, modes, step_s)[fit.rows]
+        changes = behind_modes(changes, modes, step_s)[fit.rows]
+    columns[:, n : n + 2] = changes
     columns[:, -2] = 1.0
     columns[:, -1] = fit.position()
     return columns

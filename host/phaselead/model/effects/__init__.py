@@ -14,6 +14,7 @@ from phaselead.model.effects.derived import Derived, Interval, Scene, derived_es
 from phaselead.model.effects.filters import (
     Mode,
     behind_modes,
+    coefficients_of_modes,
     lags,
     mode_coefficients,
     relaxed_late,
@@ -48,6 +49,7 @@ __all__ = [
     "VirtualAxis",
     "behind_modes",
     "catalogue",
+    "coefficients_of_modes",
     "derived_sizes",
     "effect",
     "effect_of_creep",
