@@ -180,7 +180,8 @@ def test_a_session_that_lacks_a_record_is_told_but_for_the_one_after():
     (line,) = [line for line in fit.messages if "begin where the one before it" in line]
     assert "but for 6.csv" in line
     assert "something else was driven in between" in line
-    assert all(r.rms_um < 0.001 * r.range_um for r in fit.records)
+    assert [volt for record in fit.records[-1:] for volt in record.turned_V[-2:]] == pytest.approx([7, 3], abs=0.1)
+    assert all(r.rms_um < 0.0006 * r.range_um for r in fit.records)
 
 
 def test_times_that_records_do_not_share_tell_their_order():

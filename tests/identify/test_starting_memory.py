@@ -219,6 +219,18 @@ def test_the_voltage_with_which_a_record_begins_may_be_where_the_stage_turned():
     assert began(through(0, 10), through(4, 7, 5), through(5, 6, 5)) == [None, (10,), (10, 4, 7)]
 
 
+def test_what_was_driven_before_one_record_is_in_the_memory_of_those_after():
+    """Something went to 8 V and back to 2 V before the third. What comes later remembers it, until it is wiped out."""
+    every = [through(0, 10, 0, 9), through(9, 1, 5), through(5, 7, 3, 5), through(5, 6, 4, 5), through(5, 8.5, 5)]
+    known = {2: (10.0, 0.0, 9.0, 1.0, 8.0, 2.0)}
+    found = in_one_session(every, lambda i, mine: replace(mine, turned_V=known.get(i, mine.turned_V)))
+    assert [f.turned_V for f in found[1:4]] == [(10, 0), known[2], (*known[2], 7, 3)]
+    assert found[4].turned_V == (*known[2], 7, 3, 6, 4)
+    assert in_one_session([*every, through(5, 6, 5)], lambda i, mine: found[i] if i in known else mine)[5].turned_V == (
+        10, 0, 9, 1, 8.5,
+    )  # fmt: skip
+
+
 def test_noise_of_a_voltage_is_no_turn():
     turned_V = began(*(through(0, volt, 0, volt, 0, noise_V=0.005) for volt in (10, 6, 3)))
     assert [len(turns or ()) for turns in turned_V] == [0, 1, 1]

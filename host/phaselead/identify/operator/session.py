@@ -173,10 +173,11 @@ def _sessions(records: Records, others: Sequence[FitRun], operator: Solution) ->
     those that change nothing; none where rows before those that count tell what was before a record."""
     if any(f.run.scored.start for f in records.fits):
         return []
-    whole = in_one_session(records.fits)
-    several = [fits for fits in (whole, session_in_part(whole, others, operator))
-               if [f.turned_V for f in fits] != [f.turned_V for f in records.fits]]  # fmt: skip
-    return [(replace(records, fits=fits), told_session(fits, whole)) for fits in several]
+    known = [f.turned_V for f in records.fits]
+    in_part, apart = session_in_part(records.fits, others, operator)
+    several = [(in_one_session(records.fits), list[int]()), *([(in_part, apart)] if apart else [])]
+    return [(replace(records, fits=fits), told_session(fits, apart)) for fits, apart in several
+            if [f.turned_V for f in fits] != known]  # fmt: skip
 
 
 def _with_likely_memories(records: Records, found: Solution) -> list[FitRun]:

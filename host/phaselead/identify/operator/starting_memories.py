@@ -239,17 +239,22 @@ def with_alike_offsets(fits: Sequence[FitRun], operator: Leaves) -> list[FitRun]
     points_V = _turning_points_V(fits)
     each = [_alike(fit, operator, points_V) for fit in fits]
 
-    def nearest(of_record: list[tuple[FitRun, float]], to_um: float) -> tuple[FitRun, float]:
-        return min(of_record, key=lambda one: abs(one[1] - to_um))
-
     def spread(to_um: float) -> float:
-        return sum((nearest(ways, to_um)[1] - to_um) ** 2 / ways[0][0].run.range_um ** 2 for ways in each)
+        return sum((_nearest(ways, to_um)[1] - to_um) ** 2 / ways[0][0].run.range_um ** 2 for ways in each)
 
     common_um = min((mean_um for ways in each for _, mean_um in ways), key=spread)
-    return [nearest(ways, common_um)[0] for ways in each]
+    return [_nearest(ways, common_um)[0] for ways in each]
 
 
-def _alike(fit: FitRun, operator: Leaves, points_V: Sequence[float]) -> list[tuple[FitRun, float]]:
+Ways = list[tuple[FitRun, float]]
+"""A record after each way that leaves it alike, and what that leaves on average, in um."""
+
+
+def _nearest(ways: Ways, to_um: float) -> tuple[FitRun, float]:
+    return min(ways, key=lambda one: abs(one[1] - to_um))
+
+
+def _alike(fit: FitRun, operator: Leaves, points_V: Sequence[float]) -> Ways:
     """The record after each way that leaves it as the one that it has, and what that leaves on average, in um."""
     whole = fit.with_start()
     if not fit.turned_V:
@@ -261,8 +266,11 @@ def _alike(fit: FitRun, operator: Leaves, points_V: Sequence[float]) -> list[tup
     return [(replace(fit, turned_V=turns), float(e.mean())) for turns, e in left.items() if np.var(e) <= most]
 
 
-def in_one_session(fits: Sequence[FitRun]) -> list[FitRun]:
-    """The records as if each but the first had begun where those before it left the stage."""
+def in_one_session(
+    fits: Sequence[FitRun], judged: Callable[[int, FitRun], FitRun] = lambda i, in_order: in_order
+) -> list[FitRun]:
+    """The records as if each but the first had begun where those before it left the stage. ``judged`` may give one
+    another memory, by its number; what comes after it goes on from that."""
     found = list(fits)
     before: Turns = ()
     for nth, i in enumerate(_in_order(fits)):
@@ -274,6 +282,8 @@ def in_one_session(fits: Sequence[FitRun]) -> list[FitRun]:
             if turned_V and abs(turned_V[-1] - way_V[0]) < _noise_V(fits[i].run):
                 turned_V = turned_V[:-1]
             found[i] = replace(fits[i], turned_V=turned_V if turned_V or not fits[i].run.begins_at_0_V else None)
+        in_order, found[i] = found[i], judged(i, found[i])
+        before = before if found[i] is in_order else found[i].turned_V or ()
         for volt in way_V:
             before = (*left_behind(before, volt), volt)
     return found
@@ -288,29 +298,41 @@ def _in_order(fits: Sequence[FitRun]) -> list[int]:
     return order if apart and of_one_clock else list(range(len(fits)))
 
 
-def session_in_part(session: Sequence[FitRun], others: Sequence[FitRun], operator: Leaves) -> list[FitRun]:
-    """Of a session the records that an operator explains about as well as with ``others``, their likeliest memories,
-    which stand for the rest. All of the others where most are like that."""
+def session_in_part(
+    fits: Sequence[FitRun], others: Sequence[FitRun], operator: Leaves
+) -> tuple[list[FitRun], list[int]]:
+    """The records as if each had begun where the one before it left the stage, but for those that an ``operator``
+    explains clearly better with their likeliest memories, which ``others`` have; and the numbers of these. What was
+    driven before them is also in the memory of those after. All of the others where that is as many as not.
 
-    def left(fit: FitRun) -> float:
-        return float(np.var(operator.residual(fit.with_start())))
+    How far their first turn went is told by the offset, which is that of the records in order.
+    """
+    means_um, apart = {}, set()
 
-    pairs = zip(session, others, strict=True)
-    found = [mine if OTHER_MEMORY * left(mine) <= left(other) else other for mine, other in pairs]
-    kept = sum(one is mine for one, mine in zip(found, session, strict=True))
-    return found if 2 * kept > len(found) else list(others)
+    def likelier(i: int, in_order: FitRun) -> FitRun:
+        e = operator.residual(in_order.with_start())
+        if OTHER_MEMORY * float(np.var(e)) <= float(np.var(operator.residual(others[i].with_start()))):
+            means_um[i] = float(e.mean())
+            return in_order
+        apart.add(i)
+        return others[i]
 
-
-def told_session(fits: Sequence[FitRun], session: Sequence[FitRun]) -> list[str]:
-    """What is said of records of which most begin as in a session; the first may have begun anywhere."""
-    later = _in_order(fits)[1:]
-    apart = [fits[i] for i in sorted(later) if fits[i].turned_V != session[i].turned_V]
-    if not apart:
-        return [IN_ORDER]
+    in_one_session(fits, likelier)
     if 2 * len(apart) >= len(fits):
+        return list(others), list(range(len(fits)))
+    points_V, common_um = _turning_points_V(fits), float(np.median([*means_um.values()]))
+    moved = {i: _nearest(_alike(others[i], operator, points_V), common_um)[0] for i in apart}
+    return in_one_session(fits, lambda i, in_order: moved.get(i, in_order)), sorted(apart)
+
+
+def told_session(fits: Sequence[FitRun], apart: Sequence[int]) -> list[str]:
+    """What is said of records as in a session but for some, by their numbers; the first may have begun anywhere."""
+    named = [_named(fits[i]) for i in apart if i != _in_order(fits)[0]]
+    if not named:
+        return [IN_ORDER]
+    if 2 * len(named) >= len(fits):
         return told_memories(fits)
-    named = _some([_named(fit) for fit in apart])
-    return [f"{IN_ORDER}, but for {named}: there something else was driven in between, or the order is another"]
+    return [f"{IN_ORDER}, but for {_some(named)}: there something else was driven in between, or the order is another"]
 
 
 def _swings(run: AxisRun) -> list[float]:
