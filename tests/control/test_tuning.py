@@ -268,7 +268,7 @@ def test_a_push_on_what_was_measured_is_over_sooner_than_with_the_widest_loop(mo
     plain = replace(PLANT, gain_um_per_V=(16.0, 16.0), modes=((1.0, 200.0, 0.02),), lags_s=(), delay_s=3e-4)
     over = Range((14.0, 28.0), 0.1, 2.0)
     calm = shape(plain, over)
-    monkeypatch.setattr(shaping._Held, "unrest", lambda push, values: 0.0)
+    monkeypatch.setattr(shaping._Held, "unrest", lambda held, controller: 0.0)
     wide = shape(plain, over)
     assert over_s(plain, 16.0, calm) < 0.8 * over_s(plain, 16.0, wide)
     assert predicted(plain, calm, over).bandwidth_Hz[0] > 0.8 * predicted(plain, wide, over).bandwidth_Hz[0]

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import cmath
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -129,25 +129,36 @@ class _Found:
     cost: float
 
 
-class _Case:
-    """A plant at local gains: L = plants C, (gains, m), at frequencies (m,)."""
+class _Controller:
+    """PID and filters of a search's values, as polynomials in s = 1 - 1/z, the lowest power first: at low frequencies
+    those in 1/z would be small differences of large numbers."""
 
-    def __init__(self, plant: SmallSignal, gains: Samples, f_Hz: Samples) -> None:
-        self.f_Hz = f_Hz
-        self.shape = plant_response(plant, f_Hz)
-        self.plants = gains[:, None] * self.shape
-        self.back = np.exp(-2j * np.pi * f_Hz * TICK_S)
-
-    def controller(self, values: Samples) -> Response:
+    def __init__(self, values: Samples) -> None:
         ki, kp, kd = np.exp(values[:3])
-        found = kp + ki * TICK_S / (1 - self.back) + kd / TICK_S * (1 - self.back)
-        for f_zeros, zeta_zeros, f_poles, zeta_poles in np.exp(values[3:]).reshape(-1, 4):
-            found = found * self._factor(f_zeros, zeta_zeros) / self._factor(f_poles, zeta_poles)
-        return np.asarray(found)
+        filters = [(_roots_z(*row[:2]), _roots_z(*row[2:])) for row in np.exp(values[3:]).reshape(-1, 4).tolist()]
+        self.numerator, self.denominator = np.array([ki * TICK_S, kp, kd / TICK_S]), np.array([0.0, 1.0])
+        for zeros, poles in filters:
+            self.numerator = np.convolve(self.numerator, _with_roots(zeros))
+            self.denominator = np.convolve(self.denominator, _with_roots(poles))
+        self.largest_b = max(_largest_b(zeros, poles) for zeros, poles in filters)
 
-    def _factor(self, f_Hz: float, zeta: float) -> Response:
-        one, other = _roots_z(f_Hz, zeta)
-        return np.asarray((1 - one * self.back) * (1 - other * self.back) / ((1 - one) * (1 - other)))
+
+class _Grid:
+    """Frequencies (m,), and what controllers are there."""
+
+    def __init__(self, f_Hz: Samples) -> None:
+        self.f_Hz = f_Hz
+        self.back = np.exp(-2j * np.pi * f_Hz * TICK_S)
+        powers = (1 - self.back) ** np.arange(3 + 2 * FILTERS)[:, None]
+        self._powers = powers.view(np.float64)  # (k, 2m): coefficients are real
+
+    def response(self, controller: _Controller) -> Response:
+        """(m,), in V/um."""
+        coefficients = np.zeros((2, len(self._powers)))
+        coefficients[0, : len(controller.numerator)] = controller.numerator
+        coefficients[1, : len(controller.denominator)] = controller.denominator
+        above, below = (coefficients @ self._powers).view(np.complex128)
+        return np.asarray(above / below)
 
 
 def _grid_Hz(plant: SmallSignal) -> Samples:
@@ -165,22 +176,23 @@ class _Held:
     def __init__(self, plant: SmallSignal) -> None:
         f_Hz = np.arange(1, CALM_TICKS // 2 + 1) / (CALM_TICKS * TICK_S)
         middle = math.sqrt(math.prod(plant.gain_um_per_V))
+        self._grid, self._shape = _Grid(f_Hz), plant_response(plant, f_Hz)
         # the measured gain first: noise is counted at that
-        self._case = _Case(plant, middle * np.array([1.0, 1 - GAIN_SHARE, 1 + GAIN_SHARE]), f_Hz)
+        self._plants = middle * np.array([[1.0], [1 - GAIN_SHARE], [1 + GAIN_SHARE]]) * self._shape
         self._weight = (np.arange(CALM_TICKS) * TICK_S) ** (2 * CALM_POWER)
 
-    def noise_V_per_um(self, values: Samples) -> tuple[float, float]:
+    def noise_V_per_um(self, controller: _Controller) -> tuple[float, float]:
         """What white noise of the position puts into the output, and by what it changes that from tick to tick; rms."""
-        controller = self._case.controller(values)
-        output = controller / (1 + self._case.plants[0] * controller)
-        size, rate = (float(np.sqrt((np.abs(one) ** 2).mean())) for one in (output, output * (1 - self._case.back)))
+        response = self._grid.response(controller)
+        output = response / (1 + self._plants[0] * response)
+        size, rate = (float(np.sqrt((np.abs(one) ** 2).mean())) for one in (output, output * (1 - self._grid.back)))
         return size, rate
 
-    def unrest(self, values: Samples) -> float:
+    def unrest(self, controller: _Controller) -> float:
         """log of the weighted integral of the position's square after a step of force, which would move it by 1, at the
         gain where it is largest."""
-        loops = self._case.plants * self._case.controller(values)
-        pushes = np.insert(self._case.shape / (1 + loops), 0, 0.0, axis=1)
+        loops = self._plants * self._grid.response(controller)
+        pushes = np.insert(self._shape / (1 + loops), 0, 0.0, axis=1)
         ways = np.cumsum(np.fft.irfft(pushes, CALM_TICKS), axis=1)
         ways -= ways[:, -CALM_TICKS // 20 :].mean(axis=1, keepdims=True)  # the loop takes all of the push back
         return math.log(float((self._weight * ways**2).sum(axis=1).max()))
@@ -191,7 +203,10 @@ class _Search:
 
     def __init__(self, plant: SmallSignal, over: Range, on_progress: Callable[[float], None] | None) -> None:
         self._over, self._on_progress, self._evaluated = over, on_progress, 0
-        self._cases = [_Case(one, over.gains(), _grid_Hz(one)) for one in over.plants(plant)]
+        grids_Hz = [(one, _grid_Hz(one)) for one in over.plants(plant)]
+        self._grid = _Grid(np.concatenate([f_Hz for _, f_Hz in grids_Hz]))  # of all positions of the modes
+        self._plants = over.gains()[:, None] * np.concatenate([plant_response(*one) for one in grids_Hz])
+        self._first = np.cumsum([0, *(len(f_Hz) for _, f_Hz in grids_Hz[:-1])])
         self._held = _Held(plant)
         ringing = sorted(mode[1] for mode in plant.modes if rings(mode))
         self._modes_Hz = ringing or sorted(f for _, f, _ in plant.modes)
@@ -276,40 +291,40 @@ class _Search:
 
     def narrowness(self, values: Samples) -> float:
         """-log of the narrowest bandwidth."""
-        sensitivities, over = self._sensitivities(values)
-        return over if over else -math.log(self._narrowest_Hz(sensitivities))
+        sensitivity, over = self._sensitivity(_Controller(values))
+        return over if over else -math.log(self._narrowest_Hz(sensitivity))
 
     def unrest(self, values: Samples, least_Hz: float) -> float:
         """After a push; a bandwidth below ``least_Hz`` is worth it only for much more calm."""
-        sensitivities, over = self._sensitivities(values)
+        controller = _Controller(values)
+        sensitivity, over = self._sensitivity(controller)
         if over:
             return over
-        lacking = max(math.log(least_Hz / self._narrowest_Hz(sensitivities)), 0.0)
-        return self._held.unrest(values) + LACKING * lacking
+        lacking = max(math.log(least_Hz / self._narrowest_Hz(sensitivity)), 0.0)
+        return self._held.unrest(controller) + LACKING * lacking
 
-    def _narrowest_Hz(self, sensitivities: Sequence[Response]) -> float:
-        pairs = zip(self._cases, sensitivities, strict=True)
-        return float(min(bandwidth_Hz(case.f_Hz, 1 - one).min() for case, one in pairs))
+    def _narrowest_Hz(self, sensitivity: Response) -> float:
+        each = (np.split(one, self._first[1:], axis=-1) for one in (self._grid.f_Hz, 1 - sensitivity))
+        return float(min(bandwidth_Hz(f_Hz, complementary).min() for f_Hz, complementary in zip(*each, strict=True)))
 
-    def _sensitivities(self, values: Samples) -> tuple[list[Response], float]:
-        """S (gains, m) by case and 0, or the cost of a loop that has not its margin."""
-        amplified = max(_largest_b(row) for row in np.exp(values[3:]).reshape(-1, 4)) / HELD_IN_LOOP
+    def _sensitivity(self, controller: _Controller) -> tuple[Response, float]:
+        """S (gains, m) over all positions of the modes and 0, or the cost of a loop that has not its margin."""
+        amplified = controller.largest_b / HELD_IN_LOOP
         if amplified > 1:
-            return [], UNSTABLE + 1000 * min(amplified, 50)
-        found, unstable, nearest = [], 0, np.inf
-        for case in self._cases:
-            distance = 1 + case.plants * case.controller(values)
-            turned = np.angle(distance[:, 0]) + np.angle(distance[:, 1:] * distance[:, :-1].conj()).sum(axis=1)
-            unstable += int((np.abs(turned) >= np.pi / 2).sum())
-            nearest = min(nearest, float(np.abs(distance).min()))
-            found.append(1 / distance)
+            return np.empty((0, 0), complex), UNSTABLE + 1000 * min(amplified, 50)
+        distance = 1 + self._plants * self._grid.response(controller)
+        turns = distance.copy()
+        turns[:, 1:] *= distance[:, :-1].conj()
+        turns[:, self._first] = distance[:, self._first]
+        turned = np.add.reduceat(np.angle(turns), self._first, axis=1)
+        unstable = int((np.abs(turned) >= np.pi / 2).sum())
         if unstable:
-            return [], UNSTABLE + 100 * unstable
-        beyond = 1 / nearest - BELOW * self._over.peak
+            return distance, UNSTABLE + 100 * unstable
+        beyond = 1 / float(np.abs(distance).min()) - BELOW * self._over.peak
         if beyond <= 0:
-            size, rate = self._held.noise_V_per_um(values)
+            size, rate = self._held.noise_V_per_um(controller)
             beyond = max(size / self._over.most_V_per_um, rate / self._over.most_rate_V_per_um) - 1
-        return found, OVER_PEAK + 10 * min(beyond, 50) if beyond > 0 else 0.0
+        return 1 / distance, OVER_PEAK + 10 * min(beyond, 50) if beyond > 0 else 0.0
 
     def gains_of(self, values: Samples) -> Gains:
         """In four digits, as a stage file shows them."""
@@ -328,18 +343,26 @@ class _Search:
         )
 
 
-def _largest_b(row: Samples) -> float:
-    """Of the coefficients of a section by its zeros and poles: the device holds less than 16."""
-    zeros_Hz, zeta_zeros, poles_Hz, zeta_poles = row
-    zeros, poles = (_roots_z(f, z) for f, z in ((zeros_Hz, zeta_zeros), (poles_Hz, zeta_poles)))
-    b0 = abs((1 - poles[0]) * (1 - poles[1])) / abs((1 - zeros[0]) * (1 - zeros[1]))
-    return float(b0 * max(1.0, abs(zeros[0] + zeros[1])))
+Roots = tuple[complex, complex]
+"""In z, real or one the conjugate of the other."""
 
 
-def _roots_z(f_Hz: float, zeta: float) -> tuple[complex, complex]:
+def _roots_z(f_Hz: float, zeta: float) -> Roots:
     w = 2 * math.pi * f_Hz
     split = w * cmath.sqrt(zeta**2 - 1)
     return cmath.exp((-zeta * w + split) * TICK_S), cmath.exp((-zeta * w - split) * TICK_S)
+
+
+def _with_roots(roots: Roots) -> list[float]:
+    """Powers of s = 1 - 1/z (3,) of the polynomial that is 1 at s = 0."""
+    one, other = roots
+    return [1.0, (one / (1 - one) + other / (1 - other)).real, (one * other / ((1 - one) * (1 - other))).real]
+
+
+def _largest_b(zeros: Roots, poles: Roots) -> float:
+    """Of the coefficients of a section: the device holds less than 16."""
+    b0 = abs((1 - poles[0]) * (1 - poles[1])) / abs((1 - zeros[0]) * (1 - zeros[1]))
+    return float(b0 * max(1.0, abs(zeros[0] + zeros[1])))
 
 
 def _filter(row: Samples) -> LoopFilter:
