@@ -132,7 +132,7 @@ def test_the_end_of_a_stream_that_was_lost_is_a_gap(tmp_path, monkeypatch):
 
 
 def test_a_run_says_when_it_was_taken_and_so_does_what_is_recovered_of_it(tmp_path, monkeypatch):
-    """By the clock at the hello and the ticks since then; a virtual device has a time of its own and says nothing."""
+    """By the clock at the hello and the ticks since then; a virtual device counts its own seconds alone."""
     began_unix_s, kept = 1.7e9, tmp_path / "kept.journal"
 
     def keeping(path, output, run):
@@ -146,6 +146,7 @@ def test_a_run_says_when_it_was_taken_and_so_does_what_is_recovered_of_it(tmp_pa
         record_to_file(device, SINE, output=str(tmp_path / "a.h5"), duration_s=0.5)
     monkeypatch.undo()
     assert "t0_utc" not in silent
+    assert read_recording(str(tmp_path / "silent.h5")).meta["t0_device_s"] >= 0
     recording = read_recording(str(tmp_path / "a.h5"))
     first_s = recording.meta["start_tick"] / TICK_HZ
     assert first_s > 0

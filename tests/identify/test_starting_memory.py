@@ -22,6 +22,7 @@ from phaselead.identify.operator.starting_memories import (
     with_memories,
 )
 from phaselead.identify.runs import axis_run
+from phaselead.record import Began
 from phaselead.record.recording import Recording
 
 
@@ -185,12 +186,12 @@ def test_what_is_left_behind_leaves_plays_where_all_of_the_way_did(way_V, to_V, 
     assert went(kept, to_V, rest) == pytest.approx(went(tuple(way_V), to_V, rest))
 
 
-def through(*volts: float, noise_V: float = 0.0, t0_unix_s: float | None = None) -> FitRun:
+def through(*volts: float, noise_V: float = 0.0, began: Began | None = None) -> FitRun:
     """A record that goes straight from each of these voltages to the next."""
     u = np.concatenate([np.linspace(a, b, 50, endpoint=False) for a, b in pairwise(volts)] + [volts[-1:]])
     u = u + np.random.default_rng(0).normal(0, noise_V, len(u))
     fit = fitted(record(np.arange(len(u)) / 500, u, 10 * u))
-    return replace(fit, run=replace(fit.run, t0_unix_s=t0_unix_s))
+    return replace(fit, run=replace(fit.run, began=began))
 
 
 def began(*records: FitRun) -> list[Turns | None]:
@@ -237,9 +238,13 @@ def test_noise_of_a_voltage_is_no_turn():
     assert [turns[0] for turns in turned_V if turns] == pytest.approx([10, 10], abs=0.02)
 
 
-def test_records_that_say_when_they_were_taken_may_be_given_in_any_order():
-    first, second, third = (through(0, volt, 0, t0_unix_s=t) for volt, t in ((5, 10.0), (7, 20.0), (2, 30.0)))
+@pytest.mark.parametrize("unix", [True, False])
+def test_records_that_say_when_they_were_taken_may_be_given_in_any_order(unix):
+    first, second, third = (
+        through(0, volt, 0, began=Began(t, unix=unix)) for volt, t in ((5, 10.0), (7, 20.0), (2, 30.0))
+    )
     assert began(third, first, second) == [(7,), None, (5,)]
-    at_once = [replace(one, run=replace(one.run, t0_unix_s=10.0)) for one in (first, second, third)]
+    at_once = [replace(one, run=replace(one.run, began=first.run.began)) for one in (first, second, third)]
     assert began(*at_once) == [None, (5,), (7,)]
-    assert began(replace(third, run=replace(third.run, t0_unix_s=None)), first) == [None, (2,)]
+    for other in (None, Began(30.0, unix=not unix)):
+        assert began(replace(third, run=replace(third.run, began=other)), first) == [None, (2,)]

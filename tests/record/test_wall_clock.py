@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from phaselead.record import t0_facts, t0_unix_s
+from phaselead.record import began, t0_facts, t0_unix_s
 
 UNIX_S = st.floats(0, 4e9)
 
@@ -16,15 +16,26 @@ def test_what_is_told_is_read_again_to_the_microsecond(unix_s, later_s):
     assert t0_unix_s(t0_facts(unix_s, later_s)) == pytest.approx(unix_s + later_s, abs=2e-6)
 
 
+@given(UNIX_S, st.floats(0, 1e6))
+def test_the_date_counts_for_more_than_what_the_device_counted(unix_s, later_s):
+    assert began(t0_facts(unix_s, later_s)) == (pytest.approx(unix_s + later_s, abs=2e-6), True)
+
+
 @given(st.floats(0, 1e6))
-def test_nothing_is_told_without_a_clock(later_s):
-    assert t0_facts(None, later_s) == {}
-    assert t0_unix_s({}) is None
+def test_without_a_clock_the_device_alone_counts(later_s):
+    assert began(t0_facts(None, later_s)) == (later_s, False)
+    assert t0_unix_s(t0_facts(None, later_s)) is None
+    assert began({}) is None
 
 
 @pytest.mark.parametrize("unix_s", [1e300, -1e300, float("nan"), float("inf")])
 def test_a_clock_that_says_no_date_tells_nothing(unix_s):
-    assert t0_facts(unix_s, 0.0) == {}
+    assert t0_facts(unix_s, 3.0) == {"t0_device_s": 3.0}
+
+
+@pytest.mark.parametrize("said", ["", "soon", None, [1.0], float("nan"), float("inf")])
+def test_what_is_no_number_of_seconds_is_not_believed(said):
+    assert began({"t0_device_s": said}) is None
 
 
 @pytest.mark.parametrize("said", ["", "yesterday", "2026-11-29", "2026-11-29T10:00:00", 17, None, "9999-99-99T00:00Z"])

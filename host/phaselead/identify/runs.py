@@ -18,12 +18,13 @@ from scipy.optimize import minimize_scalar
 from phaselead.errors import BadInput
 from phaselead.model import plays
 from phaselead.record import (
+    Began,
     Recording,
     Samples,
+    began,
     counts_backwards,
     refuse_clipped,
     refuse_gapped,
-    t0_unix_s,
 )
 
 STILL_S = 1.0
@@ -90,8 +91,8 @@ class AxisRun:
     source: str
     r_um: Samples | None = None
     """The path (n,) that it followed; None where none was asked for, or what is written down as one was not."""
-    t0_unix_s: float | None = None
-    """Unix time of ``t_s`` = 0, where the recording says it."""
+    began: Began | None = None
+    """When its ``t_s`` = 0 was, where the recording says it."""
 
     @property
     def step_s(self) -> float:
@@ -162,7 +163,7 @@ def axis_run(recording: Recording, axis: str) -> AxisRun:
     if np.ptp(x[scored]) == 0:
         raise BadInput(f"{source}: the position of {axis} never changes; is the sensor connected and mapped?")
     r_um = record.r_um if record.r_um is not None and _followed(record.r_um[scored], x[scored]) else None
-    return AxisRun(recording.t_s, u, x, scored, axis, source, r_um, t0_unix_s(recording.meta))
+    return AxisRun(recording.t_s, u, x, scored, axis, source, r_um, began(recording.meta))
 
 
 def white_noise_rms(values: Samples) -> float:

@@ -30,13 +30,14 @@ from phaselead.record.read import read_recording, refuse_map_of_some, scored_alo
 from phaselead.record.recording import Recording, Recordings, facts_of
 from phaselead.record.sampled import SampledResult
 from phaselead.record.units import factors_moved, gains_moved, in_another_unit, unit_remedy
-from phaselead.record.wall_clock import t0_facts, t0_unix_s
+from phaselead.record.wall_clock import Began, began, t0_facts, t0_unix_s
 
 __all__ = [
     "AXES",
     "RUN_SUFFIXES",
     "SUFFIXES",
     "AxisRecord",
+    "Began",
     "Entry",
     "Hdf5Parts",
     "Imported",
@@ -51,6 +52,7 @@ __all__ = [
     "Samples",
     "Source",
     "atomic_path",
+    "began",
     "check_output",
     "counts_backwards",
     "doubts_about",

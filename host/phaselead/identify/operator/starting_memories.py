@@ -291,10 +291,12 @@ def in_one_session(
 
 def _in_order(fits: Sequence[FitRun]) -> list[int]:
     """By when records were taken, where they share no time; else as they are given."""
-    spans_s = [((fit.run.t0_unix_s or 0.0) + fit.run.t_s[[0, -1]]).tolist() for fit in fits]
+    clocks = [fit.run.began for fit in fits]
+    spans_s = [((clock.at_s if clock else 0.0) + fit.run.t_s[[0, -1]]).tolist()
+               for fit, clock in zip(fits, clocks, strict=True)]  # fmt: skip
     order = sorted(range(len(fits)), key=spans_s.__getitem__)
     apart = all(spans_s[i][1] < spans_s[k][0] for i, k in pairwise(order))
-    of_one_clock = len({fit.run.t0_unix_s is None for fit in fits}) == 1
+    of_one_clock = len({clock and clock.unix for clock in clocks}) == 1
     return order if apart and of_one_clock else list(range(len(fits)))
 
 
