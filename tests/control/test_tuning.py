@@ -50,6 +50,25 @@ PLANT = SmallSignal((14.0, 28.0), ((0.97, 200.0, 0.02), (0.03, 640.0, 0.012)), (
 pytestmark = pytest.mark.usefixtures("short_search")
 
 
+# ---------------------------------------------------------------- controllers
+@given(
+    st.floats(1e-3, 100.0),
+    st.floats(1e-6, 1.0),
+    st.floats(1e-9, 1e-3),
+    st.lists(st.tuples(corner, damping, corner, damping), min_size=2, max_size=2),
+)
+def test_the_search_sees_the_controller_that_the_stage_file_will_hold(ki, kp, kd, sections) -> None:
+    gains = Gains(
+        kp_V_per_um=kp,
+        ki_V_per_um_s=ki,
+        kd_V_s_per_um=kd,
+        filters=tuple(LoopFilter(zeros_Hz=a, zeros_zeta=b, poles_Hz=c, poles_zeta=d) for a, b, c, d in sections),
+    )
+    f_Hz = np.geomspace(0.5, 2400.0, 200)
+    found = shaping._Grid(f_Hz).response(shaping._Controller(np.log([ki, kp, kd, *np.ravel(sections)])))
+    np.testing.assert_allclose(found, pid_response(gains, f_Hz), rtol=1e-9)
+
+
 # ---------------------------------------------------------------- filters
 @given(filters)
 def test_a_filter_has_its_gain_at_rest_and_its_zeros_where_they_are_written(one: LoopFilter) -> None:

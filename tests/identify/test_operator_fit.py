@@ -180,7 +180,7 @@ def test_a_session_that_lacks_a_record_is_told_but_for_the_one_after():
     (line,) = [line for line in fit.messages if "begin where the one before it" in line]
     assert "but for 6.csv" in line
     assert "something else was driven in between" in line
-    assert [volt for record in fit.records[-1:] for volt in record.turned_V[-2:]] == pytest.approx([7, 3], abs=0.1)
+    assert fit.records[-1].turned_V[-2:] == pytest.approx((7, 3), abs=0.1)
     assert all(r.rms_um < 0.0006 * r.range_um for r in fit.records)
 
 

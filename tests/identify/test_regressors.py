@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from phaselead.identify.operator.regressors import FitRun, design_matrix, nested_basis
+from phaselead.identify.operator.regressors import Basis, FitRun, design_matrix, nested_basis, without_idle_plays
 from phaselead.identify.operator.solution import moments
 from phaselead.identify.runs import AxisRun
-from phaselead.model import behind_modes
+from phaselead.model import EffectiveField, PlayDensity, behind_modes, modes_in_C
 from phaselead.model.operator import delayed, plays
 
 STEP_S = 1e-3
@@ -27,16 +29,16 @@ def fit_of(u, rows, turned_V=None, groups=None) -> FitRun:
     return FitRun(run, np.array(rows, dtype=np.uintp), groups, 0.5, turned_V)
 
 
-def every_row(fit: FitRun, delay_s: float, rest_fraction: float) -> np.ndarray:
+def every_row(fit: FitRun, delay_s: float, rest_fraction: float, basis: Basis = BASIS) -> np.ndarray:
     """As the operator is defined: segment by segment, play by play, row by row."""
-    u, r, turned = fit.run.u_V, BASIS.play_r_V, fit.turned_V
+    u, r, turned = fit.run.u_V, basis.play_r_V, fit.turned_V
     rest = rest_fraction * r
     v = delayed(u, delay_s / fit.run.step_s, 0.0 if turned is None else u[0])
     start = rest
     for volt in turned or ():
         start = np.clip(start, volt - r, volt + r)
     moved, _ = plays(v, r, start)
-    low, high = BASIS.knots_V[:-1].copy(), BASIS.knots_V[1:].copy()
+    low, high = basis.knots_V[:-1].copy(), basis.knots_V[1:].copy()
     low[0], high[-1] = -np.inf, np.inf
     through = np.clip(v[:, None], low, high) - np.clip(0.0, low, high)
     return np.concatenate([through, moved - rest], axis=1)[fit.rows]
@@ -68,16 +70,17 @@ MODES = st.lists(
 @given(
     VOLTAGES,
     st.data(),
-    st.floats(0.0, 8.0),
+    st.one_of(st.floats(0.0, 8.0), st.just(1e4)),
     st.floats(-1.0, 1.0),
     st.one_of(st.none(), st.lists(st.sampled_from([-2.0, 1.1, 6.5]), max_size=3).map(tuple)),
     MODES,
+    st.sampled_from([(5, 4), (0, 4), (5, 1), (0, 1), (1, 2)]),
 )
-def test_modes_ring_of_what_every_row_did(u, data, delay_rows, rest_fraction, turned_V, modes):
+def test_modes_ring_of_what_every_row_did(u, data, delay_rows, rest_fraction, turned_V, modes, size):
     rows = sorted(data.draw(st.sets(st.integers(0, len(u) - 1), min_size=1)))
-    delay_s = delay_rows * STEP_S
-    whole = every_row(fit_of(u, range(len(u)), turned_V), delay_s, rest_fraction)
-    found = design_matrix(fit_of(u, rows, turned_V), BASIS, delay_s, rest_fraction, modes)
+    delay_s, basis = delay_rows * STEP_S, nested_basis(8.0, -1.0, 6.0, *size)
+    whole = every_row(fit_of(u, range(len(u)), turned_V), delay_s, rest_fraction, basis)
+    found = design_matrix(fit_of(u, rows, turned_V), basis, delay_s, rest_fraction, modes)
     np.testing.assert_allclose(found, behind_modes(whole, modes, STEP_S)[rows], rtol=0, atol=1e-9)
 
 
@@ -88,7 +91,42 @@ def test_a_long_record_rings_the_same_at_the_few_rows_that_count(zeta):
     rows, modes = np.arange(3_000, len(u), 211), ((1.0, 97.0, zeta), (-0.3, 310.0, 0.02))
     whole = every_row(fit_of(u, range(len(u)), ()), 1.7e-3, 0.3)
     found = design_matrix(fit_of(u, rows, ()), BASIS, 1.7e-3, 0.3, modes)
-    np.testing.assert_allclose(found, behind_modes(whole, modes, STEP_S)[rows], rtol=0, atol=1e-10)
+    np.testing.assert_allclose(found, behind_modes(whole, modes, STEP_S)[rows], rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("lag_s", [0.0, 2e-3])
+@pytest.mark.parametrize("bend", [0.0, 0.2])
+def test_modes_are_behind_lag_and_field(lag_s, bend):
+    u = 2 + 3 * np.sin(np.arange(300) / 17)
+    fit = replace(fit_of(u, range(0, 300, 7), ()), lag_s=lag_s, field=EffectiveField(bend, (-1.0, 6.0)))
+    still = design_matrix(fit.of_every_row, BASIS, 1e-3, 0.3)
+    expected = behind_modes(still, ((0.8, 90.0, 0.05),), STEP_S)[fit.rows]
+    np.testing.assert_allclose(design_matrix(fit, BASIS, 1e-3, 0.3, ((0.8, 90.0, 0.05),)), expected, atol=1e-11)
+
+
+def test_a_mode_of_no_share_carries_nothing():
+    fit = fit_of([0.0, 1.0, 5.0, 2.0], range(4))
+    still = design_matrix(fit, BASIS, 0.0, 0.3)
+    np.testing.assert_allclose(design_matrix(fit, BASIS, 0.0, 0.3, ((0.0, 90.0, 0.1),)), still, atol=1e-12)
+
+
+def test_idle_plays_add_nothing():
+    fading = nested_basis(8.0, -1.0, 6.0, 5, 4, fading=True)
+    slopes = np.zeros(fading.size)
+    slopes[:4], slopes[5], slopes[-2] = 1.0, 0.3, 0.2
+    fit = fit_of([0.0, 3.0, 1.0, 6.0, -1.0], range(5))
+    basis, kept = without_idle_plays(fading, slopes)
+    assert (basis.n_segments, basis.n_plays, len(basis.fading_r_V)) == (4, 1, 1)
+    expected = design_matrix(fit, fading, 1e-3, 0.4) @ slopes
+    np.testing.assert_allclose(design_matrix(fit, basis, 1e-3, 0.4) @ kept, expected, atol=1e-12)
+
+
+def test_plays_that_weigh_unevenly_are_refused_by_the_kernel_of_even_ones():
+    uneven = replace(BASIS, density=PlayDensity(0.3, 0.0, (-1.0, 6.0)))
+    fit = fit_of([0.0, 1.0, 5.0, 2.0], range(4))
+    with pytest.raises(ValueError, match="even"):
+        fit._record.fill(np.empty((4, uneven.size + 2)), 0.0, uneven.in_C(0.0), fit._start(uneven, 0.0),
+                         modes_in_C(((1.0, 90.0, 0.1),), STEP_S))  # fmt: skip
 
 
 def test_moments_are_those_of_the_columns_group_by_group():

@@ -12,16 +12,22 @@ from bench_stage import Array, record, rising_sine
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from phaselead.identify.operator.regressors import FitRun, Turns, rows_to_fit
-from phaselead.identify.operator.starting_memories import (
+from phaselead.identify.operator.one_session import (
+    IN_ORDER,
     in_one_session,
     left_behind,
+    session_in_part,
+    told_session,
+)
+from phaselead.identify.operator.regressors import FitRun, Turns, rows_to_fit
+from phaselead.identify.operator.starting_memories import (
     settled_of,
     starting_memory,
     way_before,
     with_memories,
 )
 from phaselead.identify.runs import axis_run
+from phaselead.model import plays
 from phaselead.record import Began
 from phaselead.record.recording import Recording
 
@@ -166,12 +172,14 @@ def test_a_loop_through_both_ends_is_found_though_neither_end_alone_explains_muc
     assert way_before(squares, np.linspace(0.0, 10.0, 25).tolist(), FIRST_V, 0.6) == (10.0, 0.0)
 
 
+R_V = np.linspace(0.1, 25, 60)
+
+
 def went(turns: Turns, to_V: float, rest: float) -> Array:
     """Where plays are that went from rest, at this part of their width, through all of these voltages."""
-    r = np.linspace(0.1, 25, 60)
-    at_V = rest * r
+    at_V = rest * R_V
     for volt in (*turns, to_V):
-        at_V = np.clip(at_V, volt - r, volt + r)
+        at_V = np.clip(at_V, volt - R_V, volt + R_V)
     return at_V
 
 
@@ -196,7 +204,7 @@ def through(*volts: float, noise_V: float = 0.0, began: Began | None = None) -> 
 
 def began(*records: FitRun) -> list[Turns | None]:
     """Where each had turned round before, in the order of a session."""
-    return [fit.turned_V for fit in in_one_session(records)]
+    return [fit.turned_V for fit in in_one_session(records).fits]
 
 
 def test_records_of_one_session_begin_where_those_before_left_the_stage():
@@ -220,16 +228,88 @@ def test_the_voltage_with_which_a_record_begins_may_be_where_the_stage_turned():
     assert began(through(0, 10), through(4, 7, 5), through(5, 6, 5)) == [None, (10,), (10, 4, 7)]
 
 
-def test_what_was_driven_before_one_record_is_in_the_memory_of_those_after():
-    """Something went to 8 V and back to 2 V before the third. What comes later remembers it, until it is wiped out."""
-    every = [through(0, 10, 0, 9), through(9, 1, 5), through(5, 7, 3, 5), through(5, 6, 4, 5), through(5, 8.5, 5)]
-    known = {2: (10.0, 0.0, 9.0, 1.0, 8.0, 2.0)}
-    found = in_one_session(every, lambda i, mine: replace(mine, turned_V=known.get(i, mine.turned_V)))
-    assert [f.turned_V for f in found[1:4]] == [(10, 0), known[2], (*known[2], 7, 3)]
-    assert found[4].turned_V == (*known[2], 7, 3, 6, 4)
-    assert in_one_session([*every, through(5, 6, 5)], lambda i, mine: found[i] if i in known else mine)[5].turned_V == (
-        10, 0, 9, 1, 8.5,
-    )  # fmt: skip
+IN_BETWEEN = (10.0, 0.0, 9.0, 1.0, 8.0, 2.0)
+"""Where the third of ``WITH_A_GAP`` had turned: something went to 8 V and back to 2 V before it."""
+WITH_A_GAP = [(0, 10, 0, 9), (9, 1, 5), (5, 7, 3, 5), (5, 6, 4, 5), (5, 8.5, 5), (5, 6, 5)]
+REST = 0.3
+
+
+class Exactly:
+    """Leaves what a stage of a few plays leaves that came a known way, or that of others before a record."""
+
+    def __init__(self, ways: dict[str, Turns]) -> None:
+        self.ways = ways
+
+    def _at(self, fit: FitRun, turned_V: Turns | None) -> np.ndarray:
+        at_V, _ = plays(fit.run.u_V, R_V, went(turned_V or (), fit.run.first_V, REST))
+        return np.asarray(at_V[fit.rows].sum(axis=1))
+
+    def residual(self, fit: FitRun) -> np.ndarray:
+        return self._at(fit, self.ways[fit.run.source]) - self._at(fit, fit.turned_V)
+
+    def residuals_of(self, fit: FitRun):
+        return lambda turned_V: self.residual(replace(fit, turned_V=turned_V))
+
+
+def named_apart(*others: Turns | None, **more) -> tuple[list[Turns | None], list[int]]:
+    """The memories that ``session_in_part`` tells of ``WITH_A_GAP``, and the numbers of those apart."""
+    every = [named_so(i, through(*volts)) for i, volts in enumerate(WITH_A_GAP)]
+    ways = [(), (10.0, 0.0), IN_BETWEEN, (*IN_BETWEEN, 7.0, 3.0), (*IN_BETWEEN, 7.0, 3.0, 6.0, 4.0),
+            (10.0, 0.0, 9.0, 1.0, 8.5)]  # fmt: skip
+    told = [replace(fit, turned_V=other) for fit, other in zip(every, others, strict=True)]
+    found = session_in_part(every, told, Exactly({f"{i}": way for i, way in enumerate(ways)}), **more)
+    return [fit.turned_V for fit in found.fits], found.apart
+
+
+def named_so(number: int, fit: FitRun) -> FitRun:
+    return replace(fit, run=replace(fit.run, source=f"{number}"))
+
+
+OTHERS = [None, (10.0,), (8.0, 2.0), (7.0, 3.0), (6.0, 4.0), (8.5,)]
+
+
+@pytest.mark.parametrize("own_offsets", [False, True])
+@pytest.mark.parametrize("likeliest", [IN_BETWEEN, (8.0, 2.0)])
+def test_what_was_driven_before_one_record_is_in_the_memory_of_those_after(likeliest, own_offsets):
+    found, apart = named_apart(*OTHERS[:2], likeliest, *OTHERS[3:], own_offsets=own_offsets)
+    assert apart == [2]
+    assert found[:3] == [None, (10, 0), IN_BETWEEN]
+    assert found[3:] == [(*IN_BETWEEN, 7, 3), (*IN_BETWEEN, 7, 3, 6, 4), (10, 0, 9, 1, 8.5)]
+
+
+def test_the_offset_tells_how_far_the_first_turn_in_between_went():
+    """To within the grid of turns that are tried: 9.5 V would have wiped out what was before."""
+    found, apart = named_apart(*OTHERS[:2], (9.5, 2.0), *OTHERS[3:])
+    assert apart == [2]
+    assert found[3] == pytest.approx((*IN_BETWEEN, 7, 3), abs=0.7)
+
+
+def test_the_first_record_has_a_past_that_those_after_it_have_as_well():
+    first = replace(through(4, 7, 5), turned_V=(10.0,))
+    assert began(first, through(5, 6, 5.5)) == [(10,), (10, 4, 7)]
+
+
+def test_another_memory_is_that_of_those_after():
+    found = in_one_session([through(0, 5), through(5, 6, 5), through(5, 4, 5)],
+                           lambda i, one: replace(one, turned_V=(9.0, 1.0)) if i == 1 else None)  # fmt: skip
+    assert found.apart == [1]
+    assert [fit.turned_V for fit in found.fits] == [None, (9, 1), (9, 1, 6)]
+
+
+def test_where_half_are_apart_there_is_no_session():
+    both = [named_so(0, through(0, 5, 0)), named_so(1, through(0, 3, 0))]
+    others = [both[0], replace(both[1], turned_V=(9.0,))]
+    found = session_in_part(both, others, Exactly({"0": (), "1": (9.0,)}))
+    assert found.apart == [0, 1]
+    assert [fit.turned_V for fit in found.fits] == [None, (9,)]
+    assert told_session(found) != [IN_ORDER]
+
+
+def test_the_first_record_may_have_begun_anywhere():
+    three = [through(5, 6, 4.9), through(4.9, 6.5, 4.8), through(4.8, 6.2, 4.7)]
+    found = in_one_session(three, lambda i, one: None if i else replace(one, turned_V=(9.0, 1.0)))
+    assert found.apart == [0]
+    assert told_session(found) == [IN_ORDER]
 
 
 def test_noise_of_a_voltage_is_no_turn():

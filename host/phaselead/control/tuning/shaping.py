@@ -130,8 +130,9 @@ class _Found:
 
 
 class _Controller:
-    """PID and filters of a search's values, as polynomials in s = 1 - 1/z, the lowest power first: at low frequencies
-    those in 1/z would be small differences of large numbers."""
+    """PID and filters of a search's values: ``numerator`` (2 FILTERS + 3,) over ``denominator`` (2 FILTERS + 2,), the
+    coefficients of powers of s = 1 - 1/z, the lowest first. At low frequencies powers of 1/z would be small differences
+    of large numbers."""
 
     def __init__(self, values: Samples) -> None:
         ki, kp, kd = np.exp(values[:3])
@@ -157,7 +158,8 @@ class _Grid:
         coefficients = np.zeros((2, len(self._powers)))
         coefficients[0, : len(controller.numerator)] = controller.numerator
         coefficients[1, : len(controller.denominator)] = controller.denominator
-        above, below = (coefficients @ self._powers).view(np.complex128)
+        # not @: the last bits of BLAS depend on the processor, and what a search ends at on these
+        above, below = np.einsum("ck,km->cm", coefficients, self._powers).view(np.complex128)
         return np.asarray(above / below)
 
 
@@ -203,10 +205,12 @@ class _Search:
 
     def __init__(self, plant: SmallSignal, over: Range, on_progress: Callable[[float], None] | None) -> None:
         self._over, self._on_progress, self._evaluated = over, on_progress, 0
-        grids_Hz = [(one, _grid_Hz(one)) for one in over.plants(plant)]
-        self._grid = _Grid(np.concatenate([f_Hz for _, f_Hz in grids_Hz]))  # of all positions of the modes
-        self._plants = over.gains()[:, None] * np.concatenate([plant_response(*one) for one in grids_Hz])
-        self._first = np.cumsum([0, *(len(f_Hz) for _, f_Hz in grids_Hz[:-1])])
+        plants = over.plants(plant)
+        each_Hz = [_grid_Hz(moved) for moved in plants]
+        shapes = [plant_response(moved, f_Hz) for moved, f_Hz in zip(plants, each_Hz, strict=True)]
+        self._grid = _Grid(np.concatenate(each_Hz))  # of all positions of the modes, one after the other
+        self._plants = over.gains()[:, None] * np.concatenate(shapes)
+        self._begins = np.cumsum([0, *map(len, each_Hz[:-1])])  # by position
         self._held = _Held(plant)
         ringing = sorted(mode[1] for mode in plant.modes if rings(mode))
         self._modes_Hz = ringing or sorted(f for _, f, _ in plant.modes)
@@ -291,40 +295,40 @@ class _Search:
 
     def narrowness(self, values: Samples) -> float:
         """-log of the narrowest bandwidth."""
-        sensitivity, over = self._sensitivity(_Controller(values))
-        return over if over else -math.log(self._narrowest_Hz(sensitivity))
+        sensitivity = self._sensitivity(_Controller(values))
+        return sensitivity if isinstance(sensitivity, float) else -math.log(self._narrowest_Hz(sensitivity))
 
     def unrest(self, values: Samples, least_Hz: float) -> float:
         """After a push; a bandwidth below ``least_Hz`` is worth it only for much more calm."""
         controller = _Controller(values)
-        sensitivity, over = self._sensitivity(controller)
-        if over:
-            return over
+        sensitivity = self._sensitivity(controller)
+        if isinstance(sensitivity, float):
+            return sensitivity
         lacking = max(math.log(least_Hz / self._narrowest_Hz(sensitivity)), 0.0)
         return self._held.unrest(controller) + LACKING * lacking
 
     def _narrowest_Hz(self, sensitivity: Response) -> float:
-        each = (np.split(one, self._first[1:], axis=-1) for one in (self._grid.f_Hz, 1 - sensitivity))
+        each = (np.split(one, self._begins[1:], axis=-1) for one in (self._grid.f_Hz, 1 - sensitivity))
         return float(min(bandwidth_Hz(f_Hz, complementary).min() for f_Hz, complementary in zip(*each, strict=True)))
 
-    def _sensitivity(self, controller: _Controller) -> tuple[Response, float]:
-        """S (gains, m) over all positions of the modes and 0, or the cost of a loop that has not its margin."""
+    def _sensitivity(self, controller: _Controller) -> Response | float:
+        """S (gains, m) over all positions of the modes, or the cost of a loop that has not its margin."""
         amplified = controller.largest_b / HELD_IN_LOOP
         if amplified > 1:
-            return np.empty((0, 0), complex), UNSTABLE + 1000 * min(amplified, 50)
+            return UNSTABLE + 1000 * min(amplified, 50)
         distance = 1 + self._plants * self._grid.response(controller)
         turns = distance.copy()
         turns[:, 1:] *= distance[:, :-1].conj()
-        turns[:, self._first] = distance[:, self._first]
-        turned = np.add.reduceat(np.angle(turns), self._first, axis=1)
+        turns[:, self._begins] = distance[:, self._begins]
+        turned = np.add.reduceat(np.angle(turns), self._begins, axis=1)
         unstable = int((np.abs(turned) >= np.pi / 2).sum())
         if unstable:
-            return distance, UNSTABLE + 100 * unstable
+            return UNSTABLE + 100 * unstable
         beyond = 1 / float(np.abs(distance).min()) - BELOW * self._over.peak
         if beyond <= 0:
             size, rate = self._held.noise_V_per_um(controller)
             beyond = max(size / self._over.most_V_per_um, rate / self._over.most_rate_V_per_um) - 1
-        return 1 / distance, OVER_PEAK + 10 * min(beyond, 50) if beyond > 0 else 0.0
+        return OVER_PEAK + 10 * min(beyond, 50.0) if beyond > 0 else np.asarray(1 / distance)
 
     def gains_of(self, values: Samples) -> Gains:
         """In four digits, as a stage file shows them."""

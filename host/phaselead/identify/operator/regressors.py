@@ -2,35 +2,31 @@
 of a record.
 
 The reversible part of the operator is written as slopes over segments between knots, so that "monotone" is simply "no
-slope is negative"; ``time_view`` turns them into a gain and one-sided dead zones. The columns are made in C
-(host/phaselead/model/operator.c): a fit asks for thousands of them.
+slope is negative"; ``time_view`` turns them into a gain and one-sided dead zones.
 """
 
 from __future__ import annotations
 
-import ctypes
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from functools import cache, cached_property
+from functools import cached_property
 from itertools import pairwise
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from phaselead.compiled import kernel_of
+from phaselead.identify.operator.column_kernel import BasisInC, RecordInC, Start
 from phaselead.identify.runs import AxisRun, jumps, period_s, turning_rows
 from phaselead.model import (
     EVEN,
     EVEN_DENSITY,
     NO_WEIGHT,
-    DensityInC,
     EffectiveField,
     Mode,
     PlayDensity,
     TimeView,
     behind_modes,
-    coefficients_of_modes,
+    modes_in_C,
     relaxed_late,
     state_after,
 )
@@ -42,128 +38,6 @@ FEWEST_ROWS = 200
 """Of each record, to which a fit thins it, however many records there are."""
 FADING = (1 / 4, 1 / 8, 1 / 16, 1 / 32)
 """Of a swing: thresholds of fading plays. The largest has hardly turned when the swing ends."""
-
-_SIZE, _DOUBLE, _ARRAY = ctypes.c_size_t, ctypes.c_double, ctypes.c_void_p
-
-
-class _Record(ctypes.Structure):
-    _fields_ = (
-        ("n", _SIZE),
-        ("u", _ARRAY),
-        ("before", _DOUBLE),
-        ("n_turns", _SIZE),
-        ("turns", _ARRAY),
-        ("n_rows", _SIZE),
-        ("rows", _ARRAY),
-        ("x", _ARRAY),
-    )
-
-
-class _Basis(ctypes.Structure):
-    _fields_ = (
-        ("n_segments", _SIZE),
-        ("low", _ARRAY),
-        ("high", _ARRAY),
-        ("segment_rest", _ARRAY),
-        ("n_plays", _SIZE),
-        ("r", _ARRAY),
-        ("play_rest", _ARRAY),
-        ("density", DensityInC),
-        ("n_fading", _SIZE),
-        ("fading_r", _ARRAY),
-        ("fading_rest", _ARRAY),
-    )
-
-
-@cache
-def _kernel() -> ctypes.CDLL:
-    functions = ("stage_columns", "stage_columns_behind_modes", "stage_room_behind_modes")
-    kernel = kernel_of("phaselead.model._kernel", *functions, sizes={"stage_basis_size": _Basis})
-    record, basis = ctypes.POINTER(_Record), ctypes.POINTER(_Basis)
-    kernel.stage_columns.argtypes = [record, _DOUBLE, basis, *[_ARRAY] * 3]
-    kernel.stage_columns.restype = None
-    kernel.stage_columns_behind_modes.argtypes = [record, _DOUBLE, basis, _SIZE, *[_ARRAY] * 4]
-    kernel.stage_columns_behind_modes.restype = None
-    kernel.stage_room_behind_modes.argtypes = [record, basis, _SIZE]
-    kernel.stage_room_behind_modes.restype = _SIZE
-    return kernel
-
-
-def _doubles(values: Samples) -> Samples:
-    return np.ascontiguousarray(values, dtype=np.float64)
-
-
-class Start(NamedTuple):
-    """Where the memory of a record begins."""
-
-    plays_V: Samples
-    """(m,)"""
-    fading: Samples
-    """(k,) states of the fading plays, -1 to 1."""
-
-
-class RecordInC:
-    """One record as the kernel reads it.
-
-    Its voltage (n,), ``before_V`` ahead of row 0, ``AxisRun.turning_rows``, the ascending ``rows`` that count, and the
-    positions ``x_um`` (rows,) there.
-    """
-
-    def __init__(
-        self, u_V: Samples, before_V: float, turns: NDArray[np.uintp], rows: NDArray[np.uintp], x_um: Samples
-    ) -> None:
-        # The kernel keeps addresses: what they point to must live as long.
-        self._arrays = u, turns, rows, x = _doubles(u_V), turns, np.ascontiguousarray(rows, np.uintp), _doubles(x_um)
-        self._record = _Record(len(u), *(u.ctypes.data, before_V, len(turns), turns.ctypes.data),
-                               *(len(rows), rows.ctypes.data, x.ctypes.data))  # fmt: skip
-        self._address = ctypes.byref(self._record)
-
-    def with_voltage(self, u_V: Samples, turns: NDArray[np.uintp]) -> RecordInC:
-        """The same rows and positions after another voltage (n,) and its turning rows."""
-        _, _, rows, x_um = self._arrays
-        return RecordInC(u_V, self._record.before, turns, rows, x_um)
-
-    def fill(
-        self, out: Samples, delay_rows: float, basis: BasisInC, start: Start, modes: Samples | None = None
-    ) -> None:
-        """Write the columns [segments, plays, fading plays, 1, position] into ``out`` (rows, columns).
-
-        ``modes``: ``coefficients_of_modes`` (m, 7) that those of an even basis without fading plays are seen behind.
-        Raises ValueError for a negative delay.
-        """
-        if not delay_rows >= 0:
-            raise ValueError(f"a delay of {delay_rows} rows would need the future")
-        plays_V, fading = (np.array(one, dtype=np.float64) for one in start)
-        if modes is None:
-            data = (one.ctypes.data for one in (plays_V, fading, out))
-            _kernel().stage_columns(self._address, delay_rows, basis.address, *data)
-            return
-        room = np.empty(_kernel().stage_room_behind_modes(self._address, basis.address, len(modes)))
-        data = (one.ctypes.data for one in (modes, plays_V, room, out))
-        _kernel().stage_columns_behind_modes(self._address, delay_rows, basis.address, len(modes), *data)
-
-
-class BasisInC:
-    """A basis as the kernel reads it, all in V: ends of the segments and where 0 V stands in each, three of (s,);
-    thresholds of the plays and what each of that density adds at rest, (m,); thresholds of the fading plays and where
-    each stands at rest, (k,)."""
-
-    def __init__(
-        self,
-        segments: Sequence[Samples],
-        plays_V: tuple[Samples, Samples],
-        density: PlayDensity,
-        fading_V: tuple[Samples, Samples],
-    ) -> None:
-        low, high, at_rest = map(_doubles, segments)
-        (r, rest), (fading_r, fading_rest) = map(_doubles, plays_V), map(_doubles, fading_V)
-        self._arrays = low, high, at_rest, r, rest, fading_r, fading_rest
-        self._basis = _Basis(
-            *(len(low), low.ctypes.data, high.ctypes.data, at_rest.ctypes.data),
-            *(len(r), r.ctypes.data, rest.ctypes.data, DensityInC.of(density)),
-            *(len(fading_r), fading_r.ctypes.data, fading_rest.ctypes.data),
-        )
-        self.address = ctypes.byref(self._basis)
 
 
 @dataclass(frozen=True)
@@ -190,11 +64,6 @@ class Basis:
     def n_plays(self) -> int:
         """How many plays there are that do not fade; their slopes stand in front of those that do."""
         return len(self.play_r_V)
-
-    @property
-    def goes_or_stands(self) -> bool:
-        """Whether each column either goes with the voltage or stands still."""
-        return self.density.is_even and not len(self.fading_r_V)
 
     def equals(self, other: Basis) -> bool:
         """Whether both have the same plays and segments."""
@@ -296,10 +165,10 @@ class FitRun:
         in_C: BasisInC,
         modes: tuple[Mode, ...] = (),
     ) -> None:
-        """Write the columns [segments, plays, fading plays, 1, position] into ``out`` (rows, basis.size + 2), behind
-        the ``modes``."""
-        if not modes or basis.goes_or_stands:
-            carried = coefficients_of_modes(modes, self.run.step_s) if modes else None
+        """Write the columns [segments, plays, fading plays, 1, position] into ``out`` (rows, basis.size + 2), in V and
+        um, behind the ``modes``. Raises ValueError for a negative delay."""
+        if not modes or in_C.goes_or_stands:
+            carried = modes_in_C(modes, self.run.step_s) if modes else None
             self._fill(out, self._record, delay_s, in_C, self._start(basis, rest_fraction), carried)
             return
         still = np.empty((len(self.run.u_V), basis.size + 2))
@@ -421,8 +290,9 @@ def time_view(
     )
 
 
-def weighty(basis: Basis, slopes: Samples) -> tuple[Basis, Samples]:
-    """The basis without the plays, fading or not, whose slope is 0, and the slopes of what it has."""
+def without_idle_plays(basis: Basis, slopes: Samples) -> tuple[Basis, Samples]:
+    """The basis without the plays, fading or not, whose slope is exactly 0, and the slopes of what it has: the same
+    answer, in less time."""
     n, m = basis.n_segments, basis.n_plays
     plays, fading = slopes[n : n + m] > 0, slopes[n + m :] > 0
     kept = np.concatenate([np.ones(n, dtype=np.bool_), plays, fading])

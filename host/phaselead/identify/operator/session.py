@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from phaselead.identify.operator.choosing import choose_basis
+from phaselead.identify.operator.one_session import in_one_session, session_in_part, told_session
 from phaselead.identify.operator.records import Records, first_delay_s, known_rest, searched_from, thinned
 from phaselead.identify.operator.regressors import FitRun, Turns, fitted_span_V, ringing_s
 from phaselead.identify.operator.result import OperatorFit
@@ -19,11 +20,8 @@ from phaselead.identify.operator.starting_memories import (
     END_SHARE,
     LIKELY_MEMORY,
     OTHER_MEMORY,
-    in_one_session,
-    session_in_part,
     some_settle,
     told_memories,
-    told_session,
     with_alike_offsets,
     with_memories,
 )
@@ -168,16 +166,16 @@ class _Telling:
 
 
 def _sessions(records: Records, others: Sequence[FitRun], operator: Solution) -> list[tuple[Records, list[str]]]:
-    """The records as if each had begun where the one before it left the stage, and what to say of that: all of them,
-    and those of which an ``operator`` leaves about as little as with ``others``, their likeliest memories. Without
-    those that change nothing; none where rows before those that count tell what was before a record."""
+    """The records as a session, and what to say of that: all in order; and, where an ``operator`` explains some clearly
+    better with their likeliest memories, which ``others`` have, those apart and the rest in order. Without those that
+    change nothing; none where rows before those that count tell what was before a record."""
     if any(f.run.scored.start for f in records.fits):
         return []
+    in_part = session_in_part(records.fits, others, operator, records.own_offsets)
+    several = [in_one_session(records.fits), *([in_part] if in_part.apart else [])]
     known = [f.turned_V for f in records.fits]
-    in_part, apart = session_in_part(records.fits, others, operator)
-    several = [(in_one_session(records.fits), list[int]()), *([(in_part, apart)] if apart else [])]
-    return [(replace(records, fits=fits), told_session(fits, apart)) for fits, apart in several
-            if [f.turned_V for f in fits] != known]  # fmt: skip
+    return [(replace(records, fits=session.fits), told_session(session)) for session in several
+            if [f.turned_V for f in session.fits] != known]  # fmt: skip
 
 
 def _with_likely_memories(records: Records, found: Solution) -> list[FitRun]:

@@ -19,7 +19,6 @@ from scipy.optimize import minimize_scalar
 
 from phaselead.identify.operator.regressors import FitRun, Turns
 from phaselead.identify.operator.solution import DRIFT, EXACT
-from phaselead.identify.runs import TURN_SHARE, AxisRun
 from phaselead.record import Samples
 
 OTHER_MEMORY, LIKELY_MEMORY = 0.6, 0.8
@@ -42,8 +41,6 @@ FEWEST_SETTLED = 20
 MOST_TURNS = 4
 """Before a record: a loop through both ends, and a way to where the record begins that turns round once more or
 twice."""
-IN_ORDER = "each record is taken to begin where the one before it left the stage"
-"""What is said of records in the order of a session."""
 NAMED_RECORDS = 3
 """How many records a message names."""
 
@@ -204,7 +201,7 @@ def with_memories(
     """
     if len(fits) < 2:
         return list(fits), []
-    points_V = _turning_points_V(fits)
+    points_V = turning_points_V(fits)
     found = [fit if i in known else _with_memory(fit, operator, points_V, share, own_offsets)
              for i, fit in enumerate(fits)]  # fmt: skip
     return found, told_memories(found)
@@ -236,152 +233,54 @@ def with_alike_offsets(fits: Sequence[FitRun], operator: Leaves) -> list[FitRun]
     How far the first turn went is often nothing but an offset: with offsets of their own, rounding tells which of the
     ways that leave a record alike it is, and an operator of one offset for all bends for what they then differ by.
     """
-    points_V = _turning_points_V(fits)
-    each = [_alike(fit, operator, points_V) for fit in fits]
+    points_V = turning_points_V(fits)
+    each = [ways_alike(fit, operator, points_V) for fit in fits]
 
     def spread(to_um: float) -> float:
-        return sum((_nearest(ways, to_um)[1] - to_um) ** 2 / ways[0][0].run.range_um ** 2 for ways in each)
+        return sum((nearest(ways, to_um)[1] - to_um) ** 2 / ways[0][0].run.range_um ** 2 for ways in each)
 
     common_um = min((mean_um for ways in each for _, mean_um in ways), key=spread)
-    return [_nearest(ways, common_um)[0] for ways in each]
+    return [nearest(ways, common_um)[0] for ways in each]
 
 
 Ways = list[tuple[FitRun, float]]
 """A record after each way that leaves it alike, and what that leaves on average, in um."""
 
 
-def _nearest(ways: Ways, to_um: float) -> tuple[FitRun, float]:
+def nearest(ways: Ways, to_um: float) -> tuple[FitRun, float]:
     return min(ways, key=lambda one: abs(one[1] - to_um))
 
 
-def _alike(fit: FitRun, operator: Leaves, points_V: Sequence[float]) -> Ways:
-    """The record after each way that leaves it as the one that it has, and what that leaves on average, in um."""
+def ways_alike(
+    fit: FitRun,
+    operator: Leaves,
+    points_V: Sequence[float],
+    after: Callable[[Turns], Turns] = lambda turns: turns,
+) -> Ways:
+    """The ways that leave a record as the one that it has: that one, and with its first turn at each of the points, all
+    of them first as they are ``after`` what was before. The one that the record has is among them."""
     whole = fit.with_start()
     if not fit.turned_V:
         return [(fit, float(operator.residual(whole).mean()))]
     quick, first_V = operator.residuals_of(whole), fit.run.first_V
-    ways = [(volt, *fit.turned_V[1:]) for volt in points_V]
-    left = {turns: quick(turns) for turns in (fit.turned_V, *(one for one in ways if _remembered(one, first_V)))}
+    ways = [fit.turned_V, *((volt, *fit.turned_V[1:]) for volt in points_V)]
+    remembered = [turns for turns in (*map(after, ways), *ways) if _remembered(turns, first_V)]
+    left = {turns: quick(turns) for turns in (*remembered, fit.turned_V)}
     most = (float(np.var(left[fit.turned_V])) + (EXACT * fit.run.range_um) ** 2) / ALIKE
     return [(replace(fit, turned_V=turns), float(e.mean())) for turns, e in left.items() if np.var(e) <= most]
 
 
-def in_one_session(
-    fits: Sequence[FitRun], judged: Callable[[int, FitRun], FitRun] = lambda i, in_order: in_order
-) -> list[FitRun]:
-    """The records as if each but the first had begun where those before it left the stage. ``judged`` may give one
-    another memory, by its number; what comes after it goes on from that."""
-    found = list(fits)
-    before: Turns = ()
-    for nth, i in enumerate(_in_order(fits)):
-        way_V = _swings(fits[i].run)
-        if not nth and fits[i].run.begins_at_0_V:
-            found[i] = replace(fits[i], turned_V=None)
-        if nth:
-            turned_V = left_behind(before, way_V[0])
-            if turned_V and abs(turned_V[-1] - way_V[0]) < _noise_V(fits[i].run):
-                turned_V = turned_V[:-1]
-            found[i] = replace(fits[i], turned_V=turned_V if turned_V or not fits[i].run.begins_at_0_V else None)
-        in_order, found[i] = found[i], judged(i, found[i])
-        before = before if found[i] is in_order else found[i].turned_V or ()
-        for volt in way_V:
-            before = (*left_behind(before, volt), volt)
-    return found
-
-
-def _in_order(fits: Sequence[FitRun]) -> list[int]:
-    """By when records were taken, where they share no time; else as they are given."""
-    clocks = [fit.run.began for fit in fits]
-    spans_s = [((clock.at_s if clock else 0.0) + fit.run.t_s[[0, -1]]).tolist()
-               for fit, clock in zip(fits, clocks, strict=True)]  # fmt: skip
-    order = sorted(range(len(fits)), key=spans_s.__getitem__)
-    apart = all(spans_s[i][1] < spans_s[k][0] for i, k in pairwise(order))
-    of_one_clock = len({clock and clock.unix for clock in clocks}) == 1
-    return order if apart and of_one_clock else list(range(len(fits)))
-
-
-def session_in_part(
-    fits: Sequence[FitRun], others: Sequence[FitRun], operator: Leaves
-) -> tuple[list[FitRun], list[int]]:
-    """The records as if each had begun where the one before it left the stage, but for those that an ``operator``
-    explains clearly better with their likeliest memories, which ``others`` have; and the numbers of these. What was
-    driven before them is also in the memory of those after. All of the others where that is as many as not.
-
-    How far their first turn went is told by the offset, which is that of the records in order.
-    """
-    means_um, apart = {}, set()
-
-    def likelier(i: int, in_order: FitRun) -> FitRun:
-        e = operator.residual(in_order.with_start())
-        if OTHER_MEMORY * float(np.var(e)) <= float(np.var(operator.residual(others[i].with_start()))):
-            means_um[i] = float(e.mean())
-            return in_order
-        apart.add(i)
-        return others[i]
-
-    in_one_session(fits, likelier)
-    if 2 * len(apart) >= len(fits):
-        return list(others), list(range(len(fits)))
-    points_V, common_um = _turning_points_V(fits), float(np.median([*means_um.values()]))
-    moved = {i: _nearest(_alike(others[i], operator, points_V), common_um)[0] for i in apart}
-    return in_one_session(fits, lambda i, in_order: moved.get(i, in_order)), sorted(apart)
-
-
-def told_session(fits: Sequence[FitRun], apart: Sequence[int]) -> list[str]:
-    """What is said of records as in a session but for some, by their numbers; the first may have begun anywhere."""
-    named = [_named(fits[i]) for i in apart if i != _in_order(fits)[0]]
-    if not named:
-        return [IN_ORDER]
-    if 2 * len(named) >= len(fits):
-        return told_memories(fits)
-    return [f"{IN_ORDER}, but for {_some(named)}: there something else was driven in between, or the order is another"]
-
-
-def _swings(run: AxisRun) -> list[float]:
-    """The voltages between which a record goes, from its first to its last; what turns by little is noise."""
-    u, noise_V = run.u_V, _noise_V(run)
-    found = [run.first_V]
-    for volt in [*u[run.turning_rows].tolist(), float(u[-1])]:
-        goes_on = len(found) > 1 and (volt - found[-1]) * (found[-1] - found[-2]) >= 0
-        if goes_on:
-            found[-1] = volt
-        elif abs(volt - found[-1]) > noise_V:
-            found.append(volt)
-    return found
-
-
-def _noise_V(run: AxisRun) -> float:
-    """A voltage that turns by less has not turned."""
-    return TURN_SHARE * float(np.ptp(run.u_V))
-
-
-def left_behind(turns: Turns, to_V: float) -> Turns:
-    """Of these turns those that a stage remembers that goes on to this voltage: a swing wipes out all smaller ones. The
-    farthest on either side of 0 V stay: how plays rest is not known, and one that rests at an end of its width
-    remembers them."""
-    while turns:
-        last_V, before_V = turns[-1], turns[-2] if len(turns) > 1 else 0.0
-        way, way_before = to_V - last_V, last_V - before_V
-        if way * way_before >= 0:
-            turns = turns[:-1]
-        elif len(turns) > 1 and abs(way) >= abs(way_before):
-            turns = turns[:-2] if len(turns) > 2 or last_V * before_V >= 0 else (last_V,)
-        else:
-            break
-    return turns
-
-
 def told_memories(fits: Sequence[FitRun]) -> list[str]:
     """What is said of where these records start."""
-    return _message([_named(fit) for fit in fits if fit.turned_V], len(fits))
+    return _message([named(fit) for fit in fits if fit.turned_V], len(fits))
 
 
-def _named(fit: FitRun) -> str:
+def named(fit: FitRun) -> str:
     ways = " and then ".join(f"{volt:.3g} V" for volt in fit.turned_V or ())
     return f"{fit.run.source} (from about {ways})" if ways else f"{fit.run.source} (straight from rest)"
 
 
-def _turning_points_V(fits: Sequence[FitRun]) -> list[float]:
+def turning_points_V(fits: Sequence[FitRun]) -> list[float]:
     """Voltages a record can have come from: an even grid, and the ends of every record."""
     ends = [float(end) for f in fits for end in (f.run.u_V.min(), f.run.u_V.max())]
     low, high = min(ends), max(ends)
@@ -397,11 +296,11 @@ def _message(elsewhere: list[str], count: int) -> list[str]:
     if not elsewhere:
         return []
     return [
-        f"{len(elsewhere)} of {count} records do not start from rest, where each began was fitted: {_some(elsewhere)}"
+        f"{len(elsewhere)} of {count} records do not start from rest, where each began was fitted: {some_of(elsewhere)}"
     ]
 
 
-def _some(names: list[str]) -> str:
+def some_of(names: list[str]) -> str:
     """The first of some names, and how many more there are."""
     more = f" and {len(names) - NAMED_RECORDS} more" if len(names) > NAMED_RECORDS else ""
     return f"{', '.join(names[:NAMED_RECORDS])}{more}"

@@ -187,7 +187,7 @@ def _read_late(y: Samples, rows: int, before: float) -> Samples:
 
 def behind_modes(still_um: ArrayLike, modes: Sequence[Mode], step_s: float) -> Samples:
     """(n,) or columns (n, k): what modes make of a motion that they would follow at rest."""
-    x, carried = doubles(still_um), coefficients_of_modes(tuple(modes), step_s)
+    x, carried = doubles(still_um), modes_in_C(tuple(modes), step_s)
     k = x.size // max(len(x), 1)
     states, y = np.empty(2 * len(carried) * k), np.empty_like(x)
     _kernel().stage_behind_modes(len(x), k, address(x), len(carried), address(carried), address(states), address(y))
@@ -195,10 +195,13 @@ def behind_modes(still_um: ArrayLike, modes: Sequence[Mode], step_s: float) -> S
 
 
 @lru_cache(maxsize=256)
-def coefficients_of_modes(modes: tuple[Mode, ...], step_s: float) -> Samples:
-    """(m, 7): share, b and a of every mode that carries anything, as the kernels read them."""
+def modes_in_C(modes: tuple[Mode, ...], step_s: float) -> Samples:
+    """(m, 7): share, b and a of every mode whose share is not 0, as the kernels read them. Kept, so not to be written
+    to."""
     rows = [(c, *(v for part in mode_coefficients(f_Hz * step_s, zeta) for v in part)) for c, f_Hz, zeta in modes if c]
-    return np.array(rows, dtype=np.float64).reshape(-1, 7)
+    found = np.array(rows, dtype=np.float64).reshape(-1, 7)
+    found.setflags(write=False)
+    return found
 
 
 def smoothly_relaxed(x: Samples, tau_s: float, step_s: float) -> Samples:

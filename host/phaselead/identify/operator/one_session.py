@@ -1,0 +1,145 @@
+"""Records of one session: each begins where those before it left the stage, but where something else was driven in
+between."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+
+from phaselead.identify.operator.regressors import FitRun, Turns
+from phaselead.identify.operator.starting_memories import (
+    OTHER_MEMORY,
+    Leaves,
+    named,
+    nearest,
+    some_of,
+    told_memories,
+    turning_points_V,
+    ways_alike,
+)
+from phaselead.identify.runs import TURN_SHARE, AxisRun
+
+IN_ORDER = "each record is taken to begin where the one before it left the stage"
+"""What is said of records in the order of a session."""
+
+
+class Session(NamedTuple):
+    """Records with the memories of a session, and the numbers of those before which something else was driven."""
+
+    fits: list[FitRun]
+    apart: list[int]
+
+
+def in_one_session(fits: Sequence[FitRun], judged: Callable[[int, FitRun], FitRun | None] | None = None) -> Session:
+    """The records as if each but the first had begun where those before it left the stage. ``judged`` may give one
+    another memory, by its number and as it would begin in order; those after it come after that."""
+    found, apart = list(fits), []
+    before: Turns = ()
+    for nth, i in enumerate(_in_order(fits)):
+        way_V = _swings(fits[i].run)
+        if not nth and fits[i].run.begins_at_0_V:
+            found[i] = replace(fits[i], turned_V=None)
+        if nth:
+            turned_V = left_behind(before, way_V[0])
+            if turned_V and abs(turned_V[-1] - way_V[0]) < _noise_V(fits[i].run):
+                turned_V = turned_V[:-1]
+            found[i] = replace(fits[i], turned_V=turned_V if turned_V or not fits[i].run.begins_at_0_V else None)
+        other = judged(i, found[i]) if judged else None
+        if other is not None:
+            found[i] = other
+            apart.append(i)
+        if other is not None or not nth:
+            before = found[i].turned_V or ()
+        before = driven_on(before, way_V)
+    return Session(found, sorted(apart))
+
+
+def session_in_part(
+    fits: Sequence[FitRun], others: Sequence[FitRun], operator: Leaves, own_offsets: bool = False
+) -> Session:
+    """The same, but that a record is apart which an ``operator`` explains clearly better with its likeliest memory,
+    which ``others`` have. That is what was driven in between, after what the session had left behind where this leaves
+    the record as it does by itself. Where half of the records or more are apart there is no session, and all are.
+
+    How far its first turn went is often told by the offset alone: it is taken where that is as of the records in order
+    before it, unless records have ``own_offsets``.
+    """
+    means_um: list[float] = []
+    points_V = turning_points_V(fits)
+
+    def judged(i: int, in_order: FitRun) -> FitRun | None:
+        e, other = operator.residual(in_order.with_start()), others[i]
+        if OTHER_MEMORY * float(np.var(e)) <= float(np.var(operator.residual(other.with_start()))):
+            means_um.append(float(e.mean()))
+            return None
+        ways = ways_alike(other, operator, points_V, lambda turns: driven_on(in_order.turned_V or (), turns))
+        return (nearest(ways, float(np.median(means_um))) if means_um and not own_offsets else ways[0])[0]
+
+    session = in_one_session(fits, judged)
+    return session if 2 * len(session.apart) < len(fits) else Session(list(others), list(range(len(fits))))
+
+
+def told_session(session: Session) -> list[str]:
+    """What is said of the records of a session; the first may have begun anywhere."""
+    fits, apart = session
+    if len(apart) == len(fits):
+        return told_memories(fits)
+    names = [named(fits[i]) for i in apart if i != _in_order(fits)[0]]
+    but = f", but for {some_of(names)}: there something else was driven in between, or the order is another"
+    return [IN_ORDER + (but if names else "")]
+
+
+def _in_order(fits: Sequence[FitRun]) -> list[int]:
+    """By when records were taken, where they share no time; else as they are given."""
+    clocks = [fit.run.began for fit in fits]
+    spans_s = [((clock.at_s if clock else 0.0) + fit.run.t_s[[0, -1]]).tolist()
+               for fit, clock in zip(fits, clocks, strict=True)]  # fmt: skip
+    order = sorted(range(len(fits)), key=spans_s.__getitem__)
+    apart = all(spans_s[i][1] < spans_s[k][0] for i, k in pairwise(order))
+    of_one_clock = len({clock and clock.unix for clock in clocks}) == 1
+    return order if apart and of_one_clock else list(range(len(fits)))
+
+
+def _swings(run: AxisRun) -> list[float]:
+    """The voltages between which a record goes, from its first to its last; what turns by little is noise."""
+    u, noise_V = run.u_V, _noise_V(run)
+    found = [run.first_V]
+    for volt in [*u[run.turning_rows].tolist(), float(u[-1])]:
+        goes_on = len(found) > 1 and (volt - found[-1]) * (found[-1] - found[-2]) >= 0
+        if goes_on:
+            found[-1] = volt
+        elif abs(volt - found[-1]) > noise_V:
+            found.append(volt)
+    return found
+
+
+def _noise_V(run: AxisRun) -> float:
+    """A voltage that turns by less has not turned."""
+    return TURN_SHARE * float(np.ptp(run.u_V))
+
+
+def driven_on(turns: Turns, way_V: Sequence[float]) -> Turns:
+    """What a stage remembers after these turns that is driven from one voltage to the next, the last one last."""
+    for volt in way_V:
+        turns = (*left_behind(turns, volt), volt)
+    return turns
+
+
+def left_behind(turns: Turns, to_V: float) -> Turns:
+    """Of these turns those that a stage remembers that goes on to this voltage: a swing wipes out all smaller ones. The
+    farthest on either side of 0 V stay: how plays rest is not known, and one that rests at an end of its width
+    remembers them."""
+    while turns:
+        last_V, before_V = turns[-1], turns[-2] if len(turns) > 1 else 0.0
+        way, way_before = to_V - last_V, last_V - before_V
+        if way * way_before >= 0:
+            turns = turns[:-1]
+        elif len(turns) > 1 and abs(way) >= abs(way_before):
+            turns = turns[:-2] if len(turns) > 2 or last_V * before_V >= 0 else (last_V,)
+        else:
+            break
+    return turns
