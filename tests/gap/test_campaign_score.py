@@ -163,9 +163,6 @@ def test_a_bound_must_hold_the_size_of_what_was_missed():
     assert score.bounds_hold(outcome(size=1.0, excluded=bound)) == [False]
     assert score.bounds_hold(outcome(size=1.0, named=["delay"], excluded=bound)) == []
     assert score.bounds_hold(outcome(size=1.0)) == []
-    other = {"name": "creep", "upper_95": 0.0, "unit": "per decade", "axis": None}
-    assert score.absent_bounds(outcome(size=1.0, excluded=[*bound, other])) == 1
-    assert score.absent_bounds(outcome(size=1.0, excluded=bound)) == 0
 
 
 def test_a_tie_is_resolved_by_the_name_of_the_truth_alone():

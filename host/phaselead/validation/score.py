@@ -187,13 +187,6 @@ def times_detectable(outcome: Outcome) -> float | None:
     return abs(h["value"]) / least if least else None
 
 
-def absent_bounds(outcome: Outcome) -> int:
-    """Number of absent effects that were bounded. A bound is never below 0, so all of these hold."""
-    hidden = {(h["name"], h["axis"]) for h in outcome["hidden"]}
-    bounds = () if outcome["error"] else outcome["excluded"]
-    return sum((b["name"], None) not in hidden and (b["name"], b["axis"]) not in hidden for b in bounds)
-
-
 def resolved(outcome: Outcome) -> bool | None:
     """Whether the proposed experiment replaced a tie that held the truth by its name; None without such a tie."""
     after = outcome.get("after_next")
