@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from phaselead.identify.operator.regressors import Basis, FitRun, design_matrix, nested_basis, without_idle_plays
-from phaselead.identify.operator.solution import moments
+from phaselead.identify.operator.solution import Solution, linearised, moments
 from phaselead.identify.runs import AxisRun
 from phaselead.model import EffectiveField, PlayDensity, behind_modes, modes_in_C
 from phaselead.model.operator import delayed, plays
@@ -148,3 +148,29 @@ def test_moments_are_those_of_the_columns_group_by_group():
 def test_a_delay_cannot_be_negative():
     with pytest.raises(ValueError, match="future"):
         design_matrix(fit_of([0.0, 1.0, 0.0], [0, 1]), BASIS, -1e-3, 0.0)
+
+
+@pytest.mark.parametrize("modes", [(), ((0.8, 90.0, 0.05), (-0.2, 210.0, 0.1))])
+@pytest.mark.parametrize("fading", [False, True])
+def test_the_model_about_a_solution_changes_as_its_columns_say(modes, fading):
+    basis = nested_basis(8.0, -1.0, 6.0, 5, 4, fading=fading)
+    slopes = np.linspace(1.0, 2.0, basis.size)
+    slopes[5] = 0.0
+    fit = fit_of(2 + 3 * np.sin(np.arange(300) / 17), range(3, 300, 7), ())
+    found = Solution(basis, 2.3e-3, 0.3, slopes, 0.5, 1.0, modes)
+    columns, n, step_s = linearised(fit, found, 1e-5), basis.size - 1, 1e-5
+
+    def less(other: Solution) -> np.ndarray:
+        return found.residual(fit) - other.residual(fit)
+
+    twice = replace(found, slopes=2 * slopes)
+    assert less(twice) == pytest.approx(columns[:, :n] @ slopes[slopes > 0], abs=1e-9)
+    assert less(replace(found, delay_s=found.delay_s + step_s)) / step_s == pytest.approx(columns[:, n], abs=1e-6)
+    assert less(replace(found, rest_fraction=0.28)) / -0.02 == pytest.approx(columns[:, n + 1], abs=1e-9)
+    for i, (share, f_Hz, zeta) in enumerate(modes):
+        for k, moved in enumerate([(share + 1e-6, f_Hz, zeta), (share, f_Hz * (1 + 1e-6), zeta),
+                                   (share, f_Hz, zeta * (1 + 1e-6))]):  # fmt: skip
+            other = replace(found, modes=(*modes[:i], moved, *modes[i + 1 :]))
+            column = columns[:, n + 2 + 3 * i + k]
+            assert less(other) / 1e-6 == pytest.approx(column, rel=0, abs=1e-3 * np.abs(column).max())
+    assert columns[:, -1] == pytest.approx(fit.position())

@@ -20,8 +20,8 @@ class Began(NamedTuple):
 
 
 def t0_facts(tick_0_unix_s: float | None, later_s: float) -> dict[str, Any]:
-    """What a recording says of when it was taken, whose t_s = 0 was ``later_s`` after the device began to count, at a
-    Unix time: only the former where no clock is known, or it says no date."""
+    """What a recording says of when it was taken, whose t_s = 0 was ``later_s`` after the device began to count. It
+    says no date where ``tick_0_unix_s``, the Unix time of that beginning, is not known, or is none."""
     facts: dict[str, Any] = {T0_DEVICE_S: later_s}
     with contextlib.suppress(ValueError, OverflowError, OSError):
         if tick_0_unix_s is not None:
