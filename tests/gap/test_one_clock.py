@@ -23,7 +23,7 @@ DAY_s = 86400.0
 
 def taken(unix_s, from_s=0.0):
     t_s = from_s + np.linspace(0.0, LENGTH_S, 11)
-    return Recording(t_s=t_s, axes={"x": AxisRecord(0 * t_s, 0 * t_s)}, meta=t0_facts(unix_s, 0.0))
+    return Recording(t_s=t_s, axes={"x": AxisRecord(0 * t_s, 0 * t_s)}, meta=t0_facts(unix_s, 0.0, 1))
 
 
 one_after_the_other = st.lists(st.floats(1.1, 1e5), min_size=5, max_size=9).map(np.cumsum)
@@ -65,7 +65,7 @@ def session(began_s, count, drifts_um_per_s=0.0, seed=0):
         u_V = level_V / 2 * (1 - np.cos(2 * np.pi * (1 + i) * t_s))
         drift_um = drifts_um_per_s * (t_s + 10.0 * i)
         x_um = 10 * u_V + drift_um + rng.normal(0, 0.01) + rng.normal(0, 0.005, len(t_s))
-        name, meta = f"{seed}-{i}.h5", t0_facts(began_s, 10.0 * i)
+        name, meta = f"{seed}-{i}.h5", t0_facts(began_s, 10.0 * i, 1)
         found.append(Recording(t_s, {"x": AxisRecord(u_V, x_um)}, source=name, meta=meta))
     return found
 

@@ -13,12 +13,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from phaselead.identify.operator.one_session import (
-    IN_ORDER,
     in_one_session,
     left_behind,
     session_in_part,
     told_session,
 )
+from phaselead.identify.operator.order import Order, orders
 from phaselead.identify.operator.regressors import FitRun, Turns, rows_to_fit
 from phaselead.identify.operator.starting_memories import (
     settled_of,
@@ -204,7 +204,14 @@ def through(*volts: float, noise_V: float = 0.0, began: Began | None = None) -> 
 
 def began(*records: FitRun) -> list[Turns | None]:
     """Where each had turned round before, in the order of a session."""
-    return [fit.turned_V for fit in in_one_session(records).fits]
+    return [fit.turned_V for fit in in_one_session(records, orders([fit.run for fit in records])[0]).fits]
+
+
+AS_GIVEN = "each record is taken to begin where the one before it left the stage, in the order in which they are given"
+
+
+def as_given(records: list[FitRun]) -> Order:
+    return Order((tuple(range(len(records))),), (), "in the order in which they are given")
 
 
 def test_records_of_one_session_begin_where_those_before_left_the_stage():
@@ -257,7 +264,7 @@ def named_apart(*others: Turns | None, **more) -> tuple[list[Turns | None], list
     ways = [(), (10.0, 0.0), IN_BETWEEN, (*IN_BETWEEN, 7.0, 3.0), (*IN_BETWEEN, 7.0, 3.0, 6.0, 4.0),
             (10.0, 0.0, 9.0, 1.0, 8.5)]  # fmt: skip
     told = [replace(fit, turned_V=other) for fit, other in zip(every, others, strict=True)]
-    found = session_in_part(every, told, Exactly({f"{i}": way for i, way in enumerate(ways)}), **more)
+    found = session_in_part(every, as_given(every), told, Exactly({f"{i}": way for i, way in enumerate(ways)}), **more)
     return [fit.turned_V for fit in found.fits], found.apart
 
 
@@ -290,8 +297,8 @@ def test_the_first_record_has_a_past_that_those_after_it_have_as_well():
 
 
 def test_another_memory_is_that_of_those_after():
-    found = in_one_session([through(0, 5), through(5, 6, 5), through(5, 4, 5)],
-                           lambda i, one: replace(one, turned_V=(9.0, 1.0)) if i == 1 else None)  # fmt: skip
+    three = [through(0, 5), through(5, 6, 5), through(5, 4, 5)]
+    found = in_one_session(three, as_given(three), lambda i, one: replace(one, turned_V=(9.0, 1.0)) if i == 1 else None)
     assert found.apart == [1]
     assert [fit.turned_V for fit in found.fits] == [None, (9, 1), (9, 1, 6)]
 
@@ -299,17 +306,17 @@ def test_another_memory_is_that_of_those_after():
 def test_where_half_are_apart_there_is_no_session():
     both = [named_so(0, through(0, 5, 0)), named_so(1, through(0, 3, 0))]
     others = [both[0], replace(both[1], turned_V=(9.0,))]
-    found = session_in_part(both, others, Exactly({"0": (), "1": (9.0,)}))
+    found = session_in_part(both, as_given(both), others, Exactly({"0": (), "1": (9.0,)}))
     assert found.apart == [0, 1]
     assert [fit.turned_V for fit in found.fits] == [None, (9,)]
-    assert told_session(found) != [IN_ORDER]
+    assert told_session(found) != [AS_GIVEN]
 
 
 def test_the_first_record_may_have_begun_anywhere():
     three = [through(5, 6, 4.9), through(4.9, 6.5, 4.8), through(4.8, 6.2, 4.7)]
-    found = in_one_session(three, lambda i, one: None if i else replace(one, turned_V=(9.0, 1.0)))
+    found = in_one_session(three, as_given(three), lambda i, one: None if i else replace(one, turned_V=(9.0, 1.0)))
     assert found.apart == [0]
-    assert told_session(found) == [IN_ORDER]
+    assert told_session(found) == [AS_GIVEN]
 
 
 def test_noise_of_a_voltage_is_no_turn():
@@ -324,7 +331,63 @@ def test_records_that_say_when_they_were_taken_may_be_given_in_any_order(unix):
         through(0, volt, 0, began=Began(t, unix=unix)) for volt, t in ((5, 10.0), (7, 20.0), (2, 30.0))
     )
     assert began(third, first, second) == [(7,), None, (5,)]
-    at_once = [replace(one, run=replace(one.run, began=first.run.began)) for one in (first, second, third)]
-    assert began(*at_once) == [None, (5,), (7,)]
-    for other in (None, Began(30.0, unix=not unix)):
-        assert began(replace(third, run=replace(third.run, began=other)), first) == [None, (2,)]
+
+
+def taken_at(fit: FitRun, at_s: float | None, session: str | None = None, *, unix: bool = False) -> FitRun:
+    """The record as it says when it began."""
+    return replace(fit, run=replace(fit.run, began=None if at_s is None else Began(at_s, unix, session)))
+
+
+def numbers(*records: FitRun) -> list[tuple[tuple[tuple[int, ...], ...], tuple[int, ...]]]:
+    """Chains and those alone, of each order that the records may have."""
+    return [(order.chains, order.alone) for order in orders([fit.run for fit in records])]
+
+
+TO = [through(0, volt, 0) for volt in (5, 7, 2, 6, 1)]
+
+
+def test_a_device_that_counts_from_0_in_each_session_starts_from_rest_in_each():
+    """The sessions share times, and stand in the order in which they are given first."""
+    times = [(20.0, "b"), (10.0, "b"), (10.0, "a"), (0.0, "a"), (0.0, "b")]
+    every = [taken_at(fit, *time) for fit, time in zip(TO, times, strict=True)]
+    assert numbers(*every) == [(((4, 1, 0), (3, 2)), ()), (((0, 1, 2, 3, 4),), ())]
+    assert began(*every) == [(7,), (1,), (6,), None, None]
+
+
+@pytest.mark.parametrize("wrong_s", [None, 10.0])
+def test_a_record_without_a_time_of_its_own_stands_alone(wrong_s):
+    """So does that whose time it claims; the others stay in order."""
+    every = [taken_at(fit, at_s, "a") for fit, at_s in zip(TO, (40.0, 30.0, 20.0, 10.0, 0.0), strict=True)]
+    every[1] = taken_at(every[1], wrong_s, "a")
+    alone = (1,) if wrong_s is None else (1, 3)
+    chain = tuple(i for i in (4, 3, 2, 1, 0) if i not in alone)
+    assert numbers(*every)[1] == ((chain,), alone)
+    said = told_session(in_one_session(every, orders([fit.run for fit in every])[1]))
+    assert "in the order of their times" in said[0]
+    assert f"{len(alone)} of 5 records say no time that is theirs alone" in said[1]
+
+
+def test_a_record_without_a_time_may_have_followed_the_one_given_before_it():
+    every = [taken_at(fit, at_s, "a") for fit, at_s in zip(TO, (None, 30.0, 20.0, None, 0.0), strict=True)]
+    first, second, third = orders([fit.run for fit in every])
+    assert (first.chains, first.alone) == (((0, 4, 2, 3, 1),), ())
+    assert (second.chains, second.alone) == (((4, 2, 1),), (0, 3))
+    assert third.chains == ((0, 1, 2, 3, 4),)
+    assert "2 without one" in first.known
+
+
+@pytest.mark.parametrize("times_s", [(5.0, 5.0, 5.0, 0.0, 9.0), (None, None, None, 1.0, 9.0)])
+def test_records_most_of_which_have_no_time_of_their_own_are_taken_as_they_are_given(times_s):
+    every = [taken_at(fit, at_s, "a") for fit, at_s in zip(TO, times_s, strict=True)]
+    assert numbers(*every) == [(((0, 1, 2, 3, 4),), ())]
+
+
+def test_times_of_rows_tell_the_order_where_no_record_says_when_it_began():
+    later = replace(TO[0], run=replace(TO[0].run, t_s=TO[0].run.t_s + 10))
+    assert numbers(later, TO[1])[0] == (((1, 0),), ())
+
+
+def test_two_windows_of_one_record_begin_alike_and_were_driven_once():
+    first, second, third = (taken_at(fit, at_s, "a") for fit, at_s in zip(TO[:3], (0.0, 10.0, 20.0), strict=True))
+    window = replace(second, run=replace(second.run, scored=slice(50, None)))
+    assert began(first, second, window, third) == [None, (5,), (5,), (7,)]

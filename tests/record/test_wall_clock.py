@@ -9,31 +9,33 @@ from hypothesis import strategies as st
 from phaselead.record import began, t0_facts, t0_unix_s
 
 UNIX_S = st.floats(0, 4e9)
+SESSION = 0xA1
 
 
 @given(UNIX_S, st.floats(0, 1e6))
 def test_what_is_told_is_read_again_to_the_microsecond(unix_s, later_s):
-    assert t0_unix_s(t0_facts(unix_s, later_s)) == pytest.approx(unix_s + later_s, abs=2e-6)
+    assert t0_unix_s(t0_facts(unix_s, later_s, SESSION)) == pytest.approx(unix_s + later_s, abs=2e-6)
 
 
 @given(UNIX_S, st.floats(0, 1e6))
 def test_the_date_counts_for_more_than_what_the_device_counted(unix_s, later_s):
-    assert began(t0_facts(unix_s, later_s)) == (pytest.approx(unix_s + later_s, abs=2e-6), True)
+    assert began(t0_facts(unix_s, later_s, SESSION)) == (pytest.approx(unix_s + later_s, abs=2e-6), True, None)
 
 
 @given(st.floats(0, 1e6))
 def test_without_a_clock_the_device_alone_counts(later_s):
-    assert began(t0_facts(None, later_s)) == (later_s, False)
-    assert t0_unix_s(t0_facts(None, later_s)) is None
+    assert began(t0_facts(None, later_s, SESSION)) == (later_s, False, "00000000000000a1")
+    assert began({"t0_device_s": later_s}) == (later_s, False, None)
+    assert t0_unix_s(t0_facts(None, later_s, SESSION)) is None
     assert began({}) is None
 
 
 @pytest.mark.parametrize("unix_s", [1e300, -1e300, float("nan"), float("inf")])
 def test_a_clock_that_says_no_date_tells_nothing(unix_s):
-    assert t0_facts(unix_s, 3.0) == {"t0_device_s": 3.0}
+    assert "t0_utc" not in t0_facts(unix_s, 3.0, SESSION)
 
 
-@pytest.mark.parametrize("said", ["", "soon", None, [1.0], float("nan"), float("inf")])
+@pytest.mark.parametrize("said", ["", "soon", "3", None, [1.0], True, -1.0, 1e300, float("nan"), float("inf")])
 def test_what_is_no_number_of_seconds_is_not_believed(said):
     assert began({"t0_device_s": said}) is None
 

@@ -57,7 +57,7 @@ def recording_of(
         "dropped_ticks": capture.stream.dropped_ticks,
         "missing_ticks": capture.missing,
         "start_tick": capture.start_tick,
-        **t0_facts(capture.tick_0_unix_s, first / TICK_HZ),
+        **t0_facts(capture.tick_0_unix_s, first / TICK_HZ, capture.session),
         "rails_um": {name: calibration[name].x_um(RAIL_CODES).tolist() for name in records},
     }
     if capture.status.state == wire.State.FAULT:

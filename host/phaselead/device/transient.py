@@ -137,6 +137,6 @@ def _recording(device: Device, head: wire.TransientReadReply, entries: NDArray[A
         "trigger_tick": head.trigger_tick,
         "missing_ticks": int(missing.sum()) // head.decimation,
         "gaps": gaps,
-        **t0_facts(device.session.tick_0_unix_s, head.trigger_tick / TICK_HZ),
+        **t0_facts(device.session.tick_0_unix_s, head.trigger_tick / TICK_HZ, device.session.nonce),
     }
     return Recording(since / TICK_HZ, axes, source=f"{meta['trigger']} at tick {head.trigger_tick}", meta=meta)

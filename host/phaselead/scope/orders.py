@@ -202,7 +202,8 @@ def save_samples(hub: Hub, given: Arguments) -> str:
     ticks = min(ticks, hub.samples.end - hub.samples.begin)
     first = shot.first_tick if shot else hub.samples.end - ticks
     zero = shot.trigger_tick if shot else first
-    facts = {"scope_state": state} | t0_facts(hub.dev.device.session.tick_0_unix_s, zero / TICK_HZ)
+    session = hub.dev.device.session
+    facts = {"scope_state": state} | t0_facts(session.tick_0_unix_s, zero / TICK_HZ, session.nonce)
     recording = save(hub.samples, first, ticks, zero, hub.folder / name, facts)
     hub.new_file(name)
     lacks = recording.meta["missing_ticks"]

@@ -5,11 +5,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 
+from phaselead.identify.operator.order import Order, same_drive
 from phaselead.identify.operator.regressors import FitRun, Turns
 from phaselead.identify.operator.starting_memories import (
     OTHER_MEMORY,
@@ -28,42 +28,58 @@ IN_ORDER = "each record is taken to begin where the one before it left the stage
 
 
 class Session(NamedTuple):
-    """Records with the memories of a session, and the numbers of those before which something else was driven."""
+    """Records with the memories of a session, their order, and the numbers of those before which something else was
+    driven."""
 
     fits: list[FitRun]
+    order: Order
     apart: list[int]
 
 
-def in_one_session(fits: Sequence[FitRun], judged: Callable[[int, FitRun], FitRun | None] | None = None) -> Session:
-    """The records as if each but the first had begun where those before it left the stage. ``judged`` may give one
-    another memory, by its number and as it would begin in order; those after it come after that."""
+def in_one_session(
+    fits: Sequence[FitRun], order: Order, judged: Callable[[int, FitRun], FitRun | None] | None = None
+) -> Session:
+    """The records as if each but the first of a chain had begun where those before it left the stage; those alone as
+    they are. ``judged`` may give one another memory, by its number and as it would begin in order; those after it come
+    after that."""
     found, apart = list(fits), []
-    before: Turns = ()
-    for nth, i in enumerate(_in_order(fits)):
-        way_V = _swings(fits[i].run)
-        if not nth and fits[i].run.begins_at_0_V:
-            found[i] = replace(fits[i], turned_V=None)
-        if nth:
-            turned_V = left_behind(before, way_V[0])
-            if turned_V and abs(turned_V[-1] - way_V[0]) < _noise_V(fits[i].run):
-                turned_V = turned_V[:-1]
-            found[i] = replace(fits[i], turned_V=turned_V if turned_V or not fits[i].run.begins_at_0_V else None)
-        other = judged(i, found[i]) if judged else None
-        if other is not None:
-            found[i] = other
-            apart.append(i)
-        if other is not None or not nth:
-            before = found[i].turned_V or ()
-        before = driven_on(before, way_V)
-    return Session(found, sorted(apart))
+    for chain in order.chains:
+        before: Turns = ()
+        for last, i in zip((None, *chain), chain, strict=False):
+            if last is not None and same_drive(fits[last].run, fits[i].run):
+                found[i] = replace(fits[i], turned_V=found[last].turned_V)
+                continue
+            way_V = _swings(fits[i].run)
+            found[i] = _first(fits[i]) if last is None else _after(before, fits[i], way_V[0])
+            other = judged(i, found[i]) if judged else None
+            if other is not None:
+                found[i] = other
+                apart.append(i)
+            if other is not None or last is None:
+                before = found[i].turned_V or ()
+            before = driven_on(before, way_V)
+    return Session(found, order, sorted(apart))
+
+
+def _first(fit: FitRun) -> FitRun:
+    """The first record of a chain: from rest where it begins at 0 V, else from wherever it is known to come."""
+    return replace(fit, turned_V=None) if fit.run.begins_at_0_V else fit
+
+
+def _after(before: Turns, fit: FitRun, first_V: float) -> FitRun:
+    """The record as it begins after these turns."""
+    turned_V = left_behind(before, first_V)
+    if turned_V and abs(turned_V[-1] - first_V) < _noise_V(fit.run):
+        turned_V = turned_V[:-1]
+    return replace(fit, turned_V=turned_V if turned_V or not fit.run.begins_at_0_V else None)
 
 
 def session_in_part(
-    fits: Sequence[FitRun], others: Sequence[FitRun], operator: Leaves, own_offsets: bool = False
+    fits: Sequence[FitRun], order: Order, others: Sequence[FitRun], operator: Leaves, own_offsets: bool = False
 ) -> Session:
     """The same, but that a record is apart which an ``operator`` explains clearly better with its likeliest memory,
     which ``others`` have. That is what was driven in between, after what the session had left behind where this leaves
-    the record as it does by itself. Where half of the records or more are apart there is no session, and all are.
+    the record as it does by itself. Where half of those in chains or more are apart there is no session, and all are.
 
     How far its first turn went is often told by the offset alone: it is taken where that is as of the records in order
     before it, unless records have ``own_offsets``.
@@ -79,29 +95,24 @@ def session_in_part(
         ways = ways_alike(other, operator, points_V, lambda turns: driven_on(in_order.turned_V or (), turns))
         return (nearest(ways, float(np.median(means_um))) if means_um and not own_offsets else ways[0])[0]
 
-    session = in_one_session(fits, judged)
-    return session if 2 * len(session.apart) < len(fits) else Session(list(others), list(range(len(fits))))
+    session = in_one_session(fits, order, judged)
+    some = 2 * len(session.apart) < sum(map(len, order.chains))
+    return session if some else Session(list(others), order, list(range(len(fits))))
 
 
 def told_session(session: Session) -> list[str]:
-    """What is said of the records of a session; the first may have begun anywhere."""
-    fits, apart = session
+    """What is said of the records of a session; the first of a chain may have begun anywhere."""
+    fits, order, apart = session
     if len(apart) == len(fits):
         return told_memories(fits)
-    names = [named(fits[i]) for i in apart if i != _in_order(fits)[0]]
+    names = [named(fits[i]) for i in apart if i not in order.firsts]
     but = f", but for {some_of(names)}: there something else was driven in between, or the order is another"
-    return [IN_ORDER + (but if names else "")]
-
-
-def _in_order(fits: Sequence[FitRun]) -> list[int]:
-    """By when records were taken, where they share no time; else as they are given."""
-    clocks = [fit.run.began for fit in fits]
-    spans_s = [((clock.at_s if clock else 0.0) + fit.run.t_s[[0, -1]]).tolist()
-               for fit, clock in zip(fits, clocks, strict=True)]  # fmt: skip
-    order = sorted(range(len(fits)), key=spans_s.__getitem__)
-    apart = all(spans_s[i][1] < spans_s[k][0] for i, k in pairwise(order))
-    of_one_clock = len({clock and clock.unix for clock in clocks}) == 1
-    return order if apart and of_one_clock else list(range(len(fits)))
+    found = [f"{IN_ORDER}, {order.known}{but if names else ''}"]
+    if order.alone:
+        count = f"{len(order.alone)} of {len(fits)} records"
+        which = some_of([named(fits[i]) for i in order.alone])
+        found.append(f"{count} say no time that is theirs alone; where each began was searched for: {which}")
+    return found
 
 
 def _swings(run: AxisRun) -> list[float]:

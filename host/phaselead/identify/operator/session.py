@@ -5,13 +5,14 @@ Memories are told by an operator, and the operator goes with the memories and th
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from phaselead.identify.operator.choosing import choose_basis
 from phaselead.identify.operator.one_session import in_one_session, session_in_part, told_session
+from phaselead.identify.operator.order import orders
 from phaselead.identify.operator.records import Records, first_delay_s, known_rest, searched_from, thinned
 from phaselead.identify.operator.regressors import FitRun, Turns, fitted_span_V, ringing_s
 from phaselead.identify.operator.result import OperatorFit
@@ -126,14 +127,17 @@ class _Telling:
         return self._best_from(starts, best)
 
     def told_in_order(self) -> Told | None:
-        """Each record after those before it, or most of them and the others as settled rows tell, where that leaves
-        clearly less than all from rest, and no other memories can leave much less, by what settled rows leave."""
+        """Each record after those before it, or most of them and the others as settled rows tell, in the order that
+        leaves least; where that is clearly less than all from rest, and no other memories can leave much less, by what
+        settled rows leave."""
+        best: Told | None = None
         for session, said in _sessions(self.records, self.of_first, self.first):
             found = self._searched(session)
-            clearly = found.error**2 < OTHER_MEMORY * self.at_rest.error**2
-            if clearly and OTHER_MEMORY * found.error**2 <= self.first.error**2:
-                return session, found, said
-        return None
+            if best is None or found.error < best[1].error:
+                best = session, found, said
+        if best is None or not best[1].error ** 2 < OTHER_MEMORY * self.at_rest.error**2:
+            return None
+        return best if OTHER_MEMORY * best[1].error ** 2 <= self.first.error**2 else None
 
     def told_alike(self) -> Told:
         """Begun with the memories that settled rows tell, where offsets are most alike."""
@@ -165,17 +169,20 @@ class _Telling:
         return found.error < best.error and _tell_better(moved, found, self.at_rest)
 
 
-def _sessions(records: Records, others: Sequence[FitRun], operator: Solution) -> list[tuple[Records, list[str]]]:
-    """The records as a session, and what to say of that: all in order; and, where an ``operator`` explains some clearly
-    better with their likeliest memories, which ``others`` have, those apart and the rest in order. Without those that
-    change nothing; none where rows before those that count tell what was before a record."""
-    if any(f.run.scored.start for f in records.fits):
-        return []
-    in_part = session_in_part(records.fits, others, operator, records.own_offsets)
-    several = [in_one_session(records.fits), *([in_part] if in_part.apart else [])]
+def _sessions(records: Records, others: Sequence[FitRun], operator: Solution) -> Iterator[tuple[Records, list[str]]]:
+    """The records as a session, and what to say of that, in each order that they may have: all in order; and, where an
+    ``operator`` explains some clearly better with their likeliest memories, which ``others`` have, those apart and the
+    rest in order. Without those that change nothing, and no other order where one is that of the memories known."""
     known = [f.turned_V for f in records.fits]
-    return [(replace(records, fits=session.fits), told_session(session)) for session in several
-            if [f.turned_V for f in session.fits] != known]  # fmt: skip
+    for order in orders(records.runs):
+        fits = [others[i] if i in order.alone else f for i, f in enumerate(records.fits)]
+        in_part = session_in_part(fits, order, others, operator, records.own_offsets)
+        several = [in_one_session(fits, order), *([in_part] if in_part.apart else [])]
+        new = [session for session in several if [f.turned_V for f in session.fits] != known]
+        for session in new:
+            yield replace(records, fits=session.fits), told_session(session)
+        if len(new) < len(several):
+            return
 
 
 def _with_likely_memories(records: Records, found: Solution) -> list[FitRun]:
@@ -248,14 +255,17 @@ def told_behind_modes(records: Records, found: Solution, known: OperatorFit) -> 
     def searched(moved: Records) -> Solution:
         return moved.searched(found.basis, found.delay_s, rest, found.modes, whole=whole)
 
-    for session, of_session in _sessions(records, records.fits, found):
+    warmed = [i for i, f in enumerate(records.fits) if f.run.scored.start]
+
+    def told(share: float) -> tuple[list[FitRun], list[str]]:
+        return with_memories(records.fits, found, share, records.own_offsets, known=warmed)
+
+    for session, of_session in _sessions(records, told(LIKELY_MEMORY)[0], found):
         better = searched(session)
         if better.error < found.error:
             records, found, said = session, better, of_session
-    warmed = [i for i, f in enumerate(records.fits) if f.run.scored.start]
     for again in range(MEMORY_ROUNDS):
-        share = OTHER_MEMORY if again else LIKELY_MEMORY
-        fits, named = with_memories(records.fits, found, share, records.own_offsets, known=warmed)
+        fits, named = told(OTHER_MEMORY if again else LIKELY_MEMORY)
         better = searched(moved := replace(records, fits=fits))
         if not better.error < found.error:
             break
