@@ -100,7 +100,10 @@ def explained(
 
 
 def test_the_nearest_turning_point_that_explains_a_record_is_taken():
-    said = "1 of 2 records do not start from rest, where each began was fitted: made (from about 5 V)"
+    said = (
+        "1 of 2 records do not start from rest; no order in which they were taken tells from where, so that it was "
+        "searched for, record by record: made (from about 5 V)"
+    )
     assert explained(4.9, wave=1.0) == ((5.0,), [said])
 
 

@@ -66,7 +66,7 @@ def test_fit_says_no_more_of_modes_than_the_path_can_tell():
     u, x = tracked(SINE_um)
     record = Recording(T_s, {"x": AxisRecord(u, x, SINE_um)}, source="run.h5")
     said = " ".join(fit([record])[1].messages)
-    assert "no mode looked for" in said
+    assert "no mode seen" in said
     assert "shows no mode up to" not in said
 
 

@@ -105,6 +105,14 @@ def design_gains(axis: str, model: AxisModel) -> Gains:
     return _designed(plant)
 
 
+def are_designed(gains: Gains, axis: str, model: AxisModel) -> bool:
+    """Whether these are the gains that ``design_gains`` gives for the model: neither chosen nor tuned."""
+    try:
+        return gains == design_gains(axis, model)
+    except BadInput:
+        return False
+
+
 @lru_cache(maxsize=64)
 def _designed(plant: SmallSignal) -> Gains:
     known = bool(plant.modes)

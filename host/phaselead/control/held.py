@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from phaselead.control.gains import UNSEEN_MODE
+from phaselead.control.gains import UNSEEN_MODE, are_designed
 from phaselead.control.motion_limits import first_mode_Hz
 from phaselead.device import Device, from_device_model
 from phaselead.model import Gains, Stage
@@ -49,13 +49,15 @@ def unknown_warning(device: Device, known: Stage | None, mode: str, *, gains_giv
 
 
 def low_gains_warning(stage: Stage | None, held: Stage | None, mode: str, gains: Mapping[str, Gains]) -> list[str]:
-    """What to say of gains that were designed for a model without modes, be it ``stage``'s, or what a device tells of
-    the one that is ``held``."""
+    """What to say of gains that were designed, not tuned, for a model without modes, be it ``stage``'s, or what a
+    device tells of the one that is ``held``."""
     designed = [axis for axis, own in gains.items() if own.origin is not None]
     if not mode.endswith("pid"):
         return []
     if stage is not None:
-        low = [axis for axis in designed if axis in stage.axes and first_mode_Hz(stage.axes[axis]) is None]
+        known = {axis: stage.axes[axis] for axis in designed if axis in stage.axes}
+        low = [axis for axis, model in known.items()
+               if first_mode_Hz(model) is None and are_designed(gains[axis], axis, model)]  # fmt: skip
         why, better = "the model shows no mode", "`phaselead tune` measures better ones"
     else:
         low = designed if held is not None else []

@@ -337,7 +337,10 @@ def _about_modes(axis: str, found: FittedModes | None, runs: Sequence[AxisRun], 
         ]
     response = measured_response(runs).unbroken
     if not response.broadband:
-        return [f"axis {axis}: no mode looked for: driven at too few frequencies; record steps or a multisine for one"]
+        return [
+            f"axis {axis}: no mode seen, and driven at too few frequencies to tell that it has none; record steps or a "
+            "multisine for one"
+        ]
     return [f"axis {axis}: shows no mode up to {response.f_Hz[-1]:.0f} Hz; the records do not drive it faster"]
 
 

@@ -151,7 +151,8 @@ def axis_run(recording: Recording, axis: str) -> AxisRun:
     refuse_clipped(recording)
     record = recording.axes.get(axis)
     if record is None or record.u_V is None or record.x_um is None:
-        raise BadInput(f"{source}: needs both voltage and position of axis {axis}; map the missing column")
+        lacks = "position" if record is not None and record.x_um is None else "voltage"
+        raise BadInput(f"{source}: has no {lacks} of axis {axis}; record voltage and position, or map the column")
     u, x = record.u_V, record.x_um
     if not (np.isfinite(u).all() and np.isfinite(x).all()):
         raise BadInput(f"{source}: holds values that are not numbers; cut those rows or record again")

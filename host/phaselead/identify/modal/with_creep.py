@@ -8,9 +8,14 @@ from dataclasses import replace
 import numpy as np
 
 from phaselead.identify.modal.one_axis import MANY_RUNS, FittedModes, fit_together, go_on, left_um_by
-from phaselead.identify.operator import PART_PAYS, OperatorFit, apart_from_before, creep_beside
+from phaselead.identify.operator import PART_PAYS, Creep, OperatorFit, apart_from_before, creep_beside
 from phaselead.identify.runs import AxisRun
 from phaselead.model import AxisModel
+
+CREEP_ROUNDS = 4
+"""How often creep is told anew beside what was fitted again: a budget of time."""
+SAME_SQUARES = 0.99
+"""Of what was left, chosen: a round that leaves more than this is the last."""
 
 Found = tuple[OperatorFit, FittedModes | None]
 
@@ -19,33 +24,46 @@ def fit_with_creep(runs: Sequence[AxisRun]) -> Found:
     """As ``fit_together``, with creep where that leaves much less, beside what was found without it and when operator
     and modes are fitted again: fitted to what creeps, plays fade and loops bend that do not.
 
-    Beside what was fitted again creep is told once more, and the fit goes on from there; to many records, whose
-    memories tell each other, from the beginning.
+    Beside what was fitted again creep is told anew, and the fit goes on from there, as long as that leaves less.
     """
     without = fit_together(runs)
     before = _squares(without, runs)
-    first = _with_creep_beside(without, runs, PART_PAYS * before, anew=len(runs) < MANY_RUNS)
-    if first is None:
+    found = _with_creep_beside(without, runs, PART_PAYS * before)
+    if found is None:
         return without
-    left, (operator, modes) = _with_creep_beside(first[1], runs, first[0]) or first
+    for _ in range(CREEP_ROUNDS):
+        left, fit = found
+        better = _with_creep_beside(fit, runs, SAME_SQUARES * left, anew=False)
+        if better is None:
+            break
+        found = better
+    left, (operator, modes) = found
     return replace(operator, creep_share=1 - left / before), modes
 
 
 def _with_creep_beside(
-    fit: Found, runs: Sequence[AxisRun], below: float, *, anew: bool = False
+    fit: Found, runs: Sequence[AxisRun], below: float, *, anew: bool = True
 ) -> tuple[float, Found] | None:
     """The fit of the records without what creeps beside ``fit``, from there on, behind the squares that it leaves; None
-    where nothing creeps, or these are not ``below``. ``anew``: from the beginning as well, since where records began is
-    told by what is left of them, and the search is not convex."""
+    where nothing creeps, or these are not ``below``. ``anew``: from the beginning as well where records are few, or
+    where what it leaves from there on is not: where records began is told by what is left of them, and the search is
+    not convex."""
     operator, modes = fit
     creep = creep_beside(runs, operator, () if modes is None else modes.modes)
     if creep is None:
         return None
     less = [creep.taken_from(run) for run in runs]
-    again = [go_on(operator, modes, less), *([fit_together(less)] if anew else [])]
-    fits: list[Found] = [(one.creeping(creep), ringing) for one, ringing in again]
-    best = min(((_squares(one, runs), one) for one in fits), key=lambda pair: pair[0])
+    best = _judged(go_on(operator, modes, less), creep, runs)
+    if anew and (len(runs) < MANY_RUNS or not best[0] < below):
+        best = min(best, _judged(fit_together(less), creep, runs), key=lambda pair: pair[0])
     return best if best[0] < below else None
+
+
+def _judged(of_less: Found, creep: Creep, runs: Sequence[AxisRun]) -> tuple[float, Found]:
+    """The fit of the records without this creep as one of the records with it, behind the squares that it leaves."""
+    operator, modes = of_less
+    fit = operator.creeping(creep), modes
+    return _squares(fit, runs), fit
 
 
 def _squares(fit: Found, runs: Sequence[AxisRun]) -> float:

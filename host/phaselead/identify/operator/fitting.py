@@ -19,7 +19,7 @@ from phaselead.identify.operator.records import Records, known_rest, searched_fr
 from phaselead.identify.operator.regressors import Basis, fitted_span_V, ringing_s
 from phaselead.identify.operator.result import Choice, OperatorFit, RecordResidual, effective_rows, standard_errors
 from phaselead.identify.operator.session import SEARCH_ROWS, as_known, from_their_memories, told_behind_modes
-from phaselead.identify.operator.solution import DRIFT, PART_PAYS, Solution, centred, moments, strayed
+from phaselead.identify.operator.solution import CHANCE_GAIN, DRIFT, PART_PAYS, Solution, centred, moments, strayed
 from phaselead.identify.operator.uneven import unevenly
 from phaselead.identify.runs import AxisRun, one_frequency
 from phaselead.model import Mode
@@ -41,9 +41,6 @@ LAG_STEP = 0.001
 SHORTEST_LAG = 0.02
 """Of the longest lag. What the operator misses of a stage without a lag looks like a short one, 2.5 of 400 us at most
 (a stage with two modes, late by one row, four draws of the noise), and a lag of up to twice that would gain as well."""
-CHANCE_GAIN = 2.71
-"""Twice the log likelihood that one parameter gains by chance in one of twenty cases where it cannot be negative: in
-half of them it gains nothing (Chernoff 1954)."""
 
 
 def fit_operator(runs: Sequence[AxisRun], modes: tuple[Mode, ...] = (), lag_s: float = 0.0) -> OperatorFit:
@@ -115,7 +112,8 @@ def _paying(records: Records, found: Solution, began: tuple[Mode, ...]) -> Solut
 
 def _lagging(records: Records, found: Solution) -> tuple[Records, Solution]:
     """The same behind a low-pass in front of the operator, in the place of a part of the delay, where the records tell
-    the two apart: an amplifier that charges the actuator, with all that lags like it.
+    the two apart, so that its interval does not hold 0: an amplifier that charges the actuator, with all that lags like
+    it.
 
     Without modes it is not looked for: records that show none do not tell a lag from the delay.
     """
@@ -129,7 +127,13 @@ def _lagging(records: Records, found: Solution) -> tuple[Records, Solution]:
     without = min(without, searched_from(records, again), key=lambda one: one.error)
     rows = sum(effective_rows(without.residual(f)) for f in records.fits)
     shown = best.error > 0 and 2 * rows * np.log(without.error / best.error) > CHANCE_GAIN
-    return (behind, best) if shown else (records, without)
+    return (behind, best) if shown and _lag_told(behind, best) else (records, without)
+
+
+def _lag_told(behind: Records, found: Solution) -> bool:
+    """Whether 0 is outside the 95 % interval of the lag, or that is not known."""
+    interval_s = _of_all_rows(behind, found, found.modes, (), ()).lag_ci95_s
+    return interval_s is None or interval_s[0] > 0
 
 
 def _best_lag(records: Records, without: Solution, longest_s: float) -> tuple[Records, Solution]:

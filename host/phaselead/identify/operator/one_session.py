@@ -14,6 +14,7 @@ from phaselead.identify.operator.regressors import FitRun, Turns
 from phaselead.identify.operator.starting_memories import (
     OTHER_MEMORY,
     Leaves,
+    beyond_drift_um,
     named,
     nearest,
     some_of,
@@ -22,6 +23,7 @@ from phaselead.identify.operator.starting_memories import (
     ways_alike,
 )
 from phaselead.identify.runs import TURN_SHARE, AxisRun
+from phaselead.record import Samples
 
 IN_ORDER = "each record is taken to begin where the one before it left the stage"
 """What is said of records in the order of a session."""
@@ -75,29 +77,48 @@ def _after(before: Turns, fit: FitRun, first_V: float) -> FitRun:
 
 
 def session_in_part(
-    fits: Sequence[FitRun], order: Order, others: Sequence[FitRun], operator: Leaves, own_offsets: bool = False
+    fits: Sequence[FitRun],
+    order: Order,
+    others: Sequence[FitRun],
+    operator: Leaves,
+    own_offsets: bool = False,
+    *,
+    offset_told: bool = False,
 ) -> Session:
     """The same, but that a record is apart which an ``operator`` explains clearly better with its likeliest memory,
     which ``others`` have. That is what was driven in between, after what the session had left behind where this leaves
     the record as it does by itself. Where half of those in chains or more are apart there is no session, and all are.
 
     How far its first turn went is often told by the offset alone: it is taken where that is as of the records in order
-    before it, unless records have ``own_offsets``.
+    before it, unless records have ``own_offsets``. ``offset_told``: the operator tells the offset that they have, and
+    what is beyond drift counts against a memory.
     """
     means_um: list[float] = []
     points_V = turning_points_V(fits)
 
+    def usual_um() -> float | None:
+        if own_offsets or not (offset_told or means_um):
+            return None
+        return 0.0 if offset_told else float(np.median(means_um))
+
     def judged(i: int, in_order: FitRun) -> FitRun | None:
         e, other = operator.residual(in_order.with_start()), others[i]
-        if OTHER_MEMORY * float(np.var(e)) <= float(np.var(operator.residual(other.with_start()))):
+        alone = operator.residual(other.with_start())
+        if OTHER_MEMORY * _square(e, in_order, offset_told) <= _square(alone, other, offset_told):
             means_um.append(float(e.mean()))
             return None
+        to_um = usual_um()
         ways = ways_alike(other, operator, points_V, lambda turns: driven_on(in_order.turned_V or (), turns))
-        return (nearest(ways, float(np.median(means_um))) if means_um and not own_offsets else ways[0])[0]
+        return (ways[0] if to_um is None else nearest(ways, to_um))[0]
 
     session = in_one_session(fits, order, judged)
     some = 2 * len(session.apart) < sum(map(len, order.chains))
     return session if some else Session(list(others), order, list(range(len(fits))))
+
+
+def _square(left_um: Samples, fit: FitRun, offset_told: bool) -> float:
+    """Mean square of what is left of a record, of its mean no more than what is beyond drift."""
+    return float(np.var(left_um)) + (beyond_drift_um(left_um, fit.run) ** 2 if offset_told else 0.0)
 
 
 def told_session(session: Session) -> list[str]:

@@ -12,7 +12,7 @@ import numpy as np
 
 from phaselead.identify.operator.choosing import choose_basis
 from phaselead.identify.operator.one_session import in_one_session, session_in_part, told_session
-from phaselead.identify.operator.order import orders
+from phaselead.identify.operator.order import Order, orders
 from phaselead.identify.operator.records import Records, first_delay_s, known_rest, searched_from, thinned
 from phaselead.identify.operator.regressors import FitRun, Turns, fitted_span_V, ringing_s
 from phaselead.identify.operator.result import OperatorFit
@@ -127,17 +127,31 @@ class _Telling:
         return self._best_from(starts, best)
 
     def told_in_order(self) -> Told | None:
-        """Each record after those before it, or most of them and the others as settled rows tell, in the order that
-        leaves least; where that is clearly less than all from rest, and no other memories can leave much less, by what
-        settled rows leave."""
+        """Each record after those before it, or most of them, in the first order where that leaves clearly less than
+        all from rest, and no other memories can leave much less, by what settled rows leave."""
+        for order in orders(self.records.runs):
+            told = self._in_order(order)
+            clearly = told is not None and told[1].error ** 2 < OTHER_MEMORY * self.at_rest.error**2
+            if told is not None and clearly and OTHER_MEMORY * told[1].error ** 2 <= self.first.error**2:
+                return told
+        return None
+
+    def _in_order(self, order: Order) -> Told | None:
+        """The session in this order that leaves least: which records are apart is told by the operator of settled rows,
+        and anew by that of the session that this led to. None where an order changes nothing."""
         best: Told | None = None
-        for session, said in _sessions(self.records, self.of_first, self.first):
-            found = self._searched(session)
-            if best is None or found.error < best[1].error:
-                best = session, found, said
-        if best is None or not best[1].error ** 2 < OTHER_MEMORY * self.at_rest.error**2:
-            return None
-        return best if OTHER_MEMORY * best[1].error ** 2 <= self.first.error**2 else None
+        records, others, operator = self.records, self.of_first, self.first
+        for again in range(MEMORY_ROUNDS):
+            before = best
+            for session, said in _sessions(records, order, others, operator, offset_told=again > 0):
+                found = self._searched(session)
+                if best is None or found.error < best[1].error:
+                    best = session, found, said
+            if best is None or best is before:
+                break
+            records, operator, _ = best
+            others = with_memories(self.records.fits, operator, LIKELY_MEMORY, records.own_offsets)[0]
+        return best
 
     def told_alike(self) -> Told:
         """Begun with the memories that settled rows tell, where offsets are most alike."""
@@ -169,20 +183,17 @@ class _Telling:
         return found.error < best.error and _tell_better(moved, found, self.at_rest)
 
 
-def _sessions(records: Records, others: Sequence[FitRun], operator: Solution) -> Iterator[tuple[Records, list[str]]]:
-    """The records as a session, and what to say of that, in each order that they may have: all in order; and, where an
-    ``operator`` explains some clearly better with their likeliest memories, which ``others`` have, those apart and the
-    rest in order. Without those that change nothing, and no other order where one is that of the memories known."""
-    known = [f.turned_V for f in records.fits]
-    for order in orders(records.runs):
-        fits = [others[i] if i in order.alone else f for i, f in enumerate(records.fits)]
-        in_part = session_in_part(fits, order, others, operator, records.own_offsets)
-        several = [in_one_session(fits, order), *([in_part] if in_part.apart else [])]
-        new = [session for session in several if [f.turned_V for f in session.fits] != known]
-        for session in new:
+def _sessions(
+    records: Records, order: Order, others: Sequence[FitRun], operator: Solution, *, offset_told: bool = True
+) -> Iterator[tuple[Records, list[str]]]:
+    """The records as a session, and what to say of that: all in order; and, where an ``operator`` explains some clearly
+    better with their likeliest memories, which ``others`` have, those apart and the rest in order. Without those that
+    change nothing. ``offset_told``: whether the operator tells the offset that records have."""
+    fits = [others[i] if i in order.alone else f for i, f in enumerate(records.fits)]
+    in_part = session_in_part(fits, order, others, operator, records.own_offsets, offset_told=offset_told)
+    for session in (in_one_session(fits, order), *([in_part] if in_part.apart else [])):
+        if [f.turned_V for f in session.fits] != [f.turned_V for f in records.fits]:
             yield replace(records, fits=session.fits), told_session(session)
-        if len(new) < len(several):
-            return
 
 
 def _with_likely_memories(records: Records, found: Solution) -> list[FitRun]:
@@ -260,10 +271,13 @@ def told_behind_modes(records: Records, found: Solution, known: OperatorFit) -> 
     def told(share: float) -> tuple[list[FitRun], list[str]]:
         return with_memories(records.fits, found, share, records.own_offsets, known=warmed)
 
-    for session, of_session in _sessions(records, told(LIKELY_MEMORY)[0], found):
-        better = searched(session)
-        if better.error < found.error:
-            records, found, said = session, better, of_session
+    likely = told(LIKELY_MEMORY)[0]
+    for nth, order in enumerate(orders(records.runs)):
+        share = OTHER_MEMORY if nth else 1.0  # the likeliest order, unless another leaves clearly less
+        for session, of_session in _sessions(records, order, likely, found):
+            better = searched(session)
+            if better.error**2 < share * found.error**2:
+                records, found, said = session, better, of_session
     for again in range(MEMORY_ROUNDS):
         fits, named = told(OTHER_MEMORY if again else LIKELY_MEMORY)
         better = searched(moved := replace(records, fits=fits))

@@ -46,6 +46,9 @@ EXACT = 1e-9
 PART_PAYS = 0.9
 """A mode, a memory that fades, or a bend of the field, stays in when it leaves less than this share of the squared
 residual without it."""
+CHANCE_GAIN = 2.71
+"""Twice the log likelihood that one parameter gains by chance in one of twenty cases where it cannot be negative: in
+half of them it gains nothing (Chernoff 1954)."""
 SHARE_RANGE, ZETA_RANGE = (-2.0, 2.0), (0.002, 0.5)
 """Ranges of the share of the motion and of the damping of a mode, as in the catalogue of effects."""
 MOST_MOVED = 1.65

@@ -19,6 +19,7 @@ from scipy.optimize import minimize_scalar
 
 from phaselead.identify.operator.regressors import FitRun, Turns
 from phaselead.identify.operator.solution import DRIFT, EXACT
+from phaselead.identify.runs import AxisRun
 from phaselead.record import Samples
 
 OTHER_MEMORY, LIKELY_MEMORY = 0.6, 0.8
@@ -212,8 +213,7 @@ def _with_memory(fit: FitRun, operator: Leaves, points_V: Sequence[float], share
     quick = operator.residuals_of(whole)
 
     def squares(left_um: Samples) -> float:
-        beyond = 0.0 if own_offset else max(abs(float(left_um.mean())) - DRIFT * fit.run.range_um, 0.0)
-        return float(np.var(left_um)) + beyond**2
+        return float(np.var(left_um)) + (0.0 if own_offset else beyond_drift_um(left_um, fit.run) ** 2)
 
     @cache
     def surely(turned_V: Turns | None) -> float:
@@ -225,6 +225,11 @@ def _with_memory(fit: FitRun, operator: Leaves, points_V: Sequence[float], share
 
     turned_V = way_before(surely, points_V, fit.run.first_V, share, about)
     return replace(fit, turned_V=turned_V)
+
+
+def beyond_drift_um(left_um: Samples, run: AxisRun) -> float:
+    """How far what is left of a record stands off on average, beyond what creep and drift make."""
+    return max(abs(float(left_um.mean())) - DRIFT * run.range_um, 0.0)
 
 
 def with_alike_offsets(fits: Sequence[FitRun], operator: Leaves) -> list[FitRun]:
@@ -296,7 +301,8 @@ def _message(elsewhere: list[str], count: int) -> list[str]:
     if not elsewhere:
         return []
     return [
-        f"{len(elsewhere)} of {count} records do not start from rest, where each began was fitted: {some_of(elsewhere)}"
+        f"{len(elsewhere)} of {count} records do not start from rest; no order in which they were taken tells from "
+        f"where, so that it was searched for, record by record: {some_of(elsewhere)}"
     ]
 
 

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from phaselead.identify.operator.choosing import FINEST
 from phaselead.identify.operator.creep import Creep
 from phaselead.identify.operator.regressors import FitRun, design_matrix
-from phaselead.identify.operator.result import OperatorFit, apart_from
+from phaselead.identify.operator.result import OperatorFit, apart_from, effective_rows
 from phaselead.identify.operator.session import as_known
-from phaselead.identify.operator.solution import EXACT, PART_PAYS, Solution, moments_of, solve_slopes
+from phaselead.identify.operator.solution import CHANCE_GAIN, EXACT, Solution, moments_of, solve_slopes
 from phaselead.identify.runs import AxisRun, one_frequency
 from phaselead.model import MOST_CREEP, AxisModel, Mode, Parameter, effect_of_creep, lags
 from phaselead.record import Samples
@@ -28,7 +28,7 @@ BEYOND = 10.0
 
 def creep_beside(runs: Sequence[AxisRun], known: OperatorFit, modes: tuple[Mode, ...]) -> Creep | None:
     """What creeps beside an operator of the most plays and segments, at the delay, the memories and the modes of
-    ``known``; None where that does not leave much less, where a quick lag leaves as little, or where nothing tells it.
+    ``known``; None where chance may leave as little, or a quick lag does, or where nothing tells it.
 
     ``runs`` are as measured, with the creep that ``known`` has.
     """
@@ -54,7 +54,8 @@ def creep_beside(runs: Sequence[AxisRun], known: OperatorFit, modes: tuple[Mode,
     best = min(range(len(tried)), key=lambda i: solved[i][1])
     amount, error = solved[best]
     one_lag = min((left for _, left in solved[len(tried) :]), default=np.inf)
-    if not error**2 < PART_PAYS * without**2 or one_lag < error:
+    rows = sum(effective_rows(found.residual(f)) for f in less.fits)
+    if not 2 * rows * np.log(without / error) > CHANCE_GAIN or one_lag < error:
         return None
     k, _ = tried[best].terms
     return replace(tried[best], per_decade=min(amount / um_per_V, MOST_CREEP / float(k.sum()), _catalogue()[0].high))
