@@ -273,7 +273,7 @@ def short(periods: float) -> Recording:
         ([short(0.4)], "turns round less than twice"),
         ([short(1.0)], "1 periods of 2 Hz are too few; record at least 2"),
         ([record(np.arange(9) / 9, np.arange(9.0), np.arange(9.0))], "too few"),
-        ([record(*rising_sine(5, 2, 3, 500), None)], "both voltage and position"),
+        ([record(*rising_sine(5, 2, 3, 500), None)], "has no position of axis x"),
         ([record(*rising_sine(5, 2, 3, 500), np.zeros(750))], "never changes"),
         ([sine_record(QUICK, 5, 2, rate_Hz=500.0), sine_record(QUICK, 5, 2, rate_Hz=600.0)], "of one rate"),
         ([sine_record(QUICK, 5, 2, rate_Hz=500.0), three_axes("x")], "one-axis and three-axis"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -188,6 +189,32 @@ def test_times_that_records_do_not_share_tell_their_order():
     there = [taken_late(one, 3.0 * i) for i, one in enumerate(cut_from_one_session(FALLING))]
     fit = fit_operator(runs_of([there[i] for i in (2, 0, 3, 1)]))
     assert [r.turned_V for r in fit.records] == [(10.0,), None, (10.0,), (10.0,)]
+
+
+def test_sessions_with_a_device_that_counts_from_0_each_time_are_not_mixed():
+    """Both begin at rest, and their times interleave; the records are given in neither order."""
+    sessions = {"a": [10.0, 7.0, 4.0, 2.0], "b": [3.0, 8.0, 6.0, 1.5]}
+    every, before = [], []
+    for name, levels in sessions.items():
+        voltages = [rising_sine(level, 5.0, 4, 500)[1] for level in levels]
+        for i, one in enumerate(cut_from_one_session(voltages)):
+            every.append(replace(one, meta={"t0_device_s": 3.0 * i + (name == "b"), "device_session": name}))
+            before.append((max(levels[:i]),) if i else None)
+    mixed = [7, 2, 4, 0, 6, 1, 5, 3]
+    fit = fit_operator(runs_of([every[i] for i in mixed]))
+    assert [r.turned_V for r in fit.records] == [before[i] for i in mixed]
+    assert any("in the order of their times, of 2 sessions" in line for line in fit.messages)
+
+
+def test_where_no_record_begins_at_rest_what_rest_is_has_no_known_error():
+    whole = cut_from_one_session([*FALLING, *AT_A_BIAS[::-1]])
+    fit = fit_operator(runs_of(whole[4:]))
+    assert any("no record begins at rest" in line for line in fit.messages)
+    assert math.isnan(fit.std["rest_fraction"][0])
+    assert math.isnan(fit.std["offset_um"][0])
+    rested = fit_operator(runs_of(whole))
+    assert not any("no record begins at rest" in line for line in rested.messages)
+    assert rested.std["rest_fraction"][0] > 0
 
 
 def test_an_order_that_was_none_is_not_believed():

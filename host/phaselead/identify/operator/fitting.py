@@ -36,6 +36,10 @@ stays above this share of what it was."""
 
 OWN_OFFSETS = f"the records differ in offset by more than {100 * DRIFT:g} % of their range: each has its own"
 REST_UNTOLD = "the records do not tell how the memory rests at 0 V: it is taken as 0"
+NO_REST = (
+    "no record begins at rest: how the memory rests at 0 V, and the position there, are told by where the records are "
+    "thought to begin, with no known error; give one that begins at rest"
+)
 LAG_STEP = 0.001
 """Of the longest lag: how finely the best one is searched. A hundredth was several standard errors."""
 SHORTEST_LAG = 0.02
@@ -183,7 +187,7 @@ def place_operator(runs: Sequence[AxisRun], known: OperatorFit, modes: tuple[Mod
     if known.lag_s and not found.modes:  # without modes nothing tells a lag from the delay
         return known
     rest_told = _rest_matters(records, found.basis, found)
-    others = [line for line in known.messages if line not in (*known.about_memories, REST_UNTOLD)]
+    others = [line for line in known.messages if line not in (*known.about_memories, REST_UNTOLD, NO_REST)]
     messages = [*others, *about_memories, *([] if rest_told else [REST_UNTOLD])]
     rest = found.rest_fraction if rest_told else 0.0
     before = [replace(c, chosen=False) for c in known.choices]
@@ -246,12 +250,14 @@ def _result(records: Records, solution: Solution, choices: Sequence[Choice], mes
         residuals = [solution.residual(f) for f in fits]
     unexplained = [e - e.mean() for e in residuals] if records.own_offsets else residuals
     view = solution.time_view(1.0 / fits[0].run.step_s, unexplained)
+    std = standard_errors(fits, solution, residuals)
+    rested = REST_UNTOLD in messages or any(f.turned_V is None and f.run.begins_at_0_V for f in fits)
     return OperatorFit(
         view.model_copy(update={"u_range_V": records.span_V, "field_bend": records.field.bend}),
-        standard_errors(fits, solution, residuals),
+        std if rested else std | {"rest_fraction": (float("nan"),), "offset_um": (float("nan"),)},
         tuple(RecordResidual.of(f, e, own_offset=records.own_offsets) for f, e in zip(fits, residuals, strict=True)),
         tuple(choices),
-        tuple(messages),
+        (*messages, *([] if rested else [NO_REST])),
         sum(effective_rows(e) for e in residuals),
         records.own_offsets,
         solution.modes,

@@ -128,7 +128,8 @@ def told_session(session: Session) -> list[str]:
         return told_memories(fits)
     names = [named(fits[i]) for i in apart if i not in order.firsts]
     but = f", but for {some_of(names)}: there something else was driven in between, or the order is another"
-    found = [f"{IN_ORDER}, {order.known}{but if names else ''}"]
+    begin = some_of([named(fits[i]) for i in order.firsts])
+    found = [f"{IN_ORDER}, {order.known}, beginning with {begin}{but if names else ''}"]
     if order.alone:
         count = f"{len(order.alone)} of {len(fits)} records"
         which = some_of([named(fits[i]) for i in order.alone])
