@@ -207,8 +207,9 @@ def test_sessions_with_a_device_that_counts_from_0_each_time_are_not_mixed():
 
 
 def test_where_no_record_begins_at_rest_what_rest_is_has_no_known_error():
-    whole = cut_from_one_session([*FALLING, *AT_A_BIAS[::-1]])
-    fit = fit_operator(runs_of(whole[4:]))
+    voltages = [rising_sine(level, f_Hz, 3, 500)[1] for level in (3.0, 6.0, 10.0) for f_Hz in (2.0, 5.0)]
+    whole = cut_from_one_session(voltages)
+    fit = fit_operator(runs_of(whole[1:]))
     assert any("no record begins at rest" in line for line in fit.messages)
     assert math.isnan(fit.std["rest_fraction"][0])
     assert math.isnan(fit.std["offset_um"][0])
