@@ -217,7 +217,7 @@ AS_GIVEN = (
 
 
 def as_given(records: list[FitRun]) -> Order:
-    return Order((tuple(range(len(records))),), (), "in the order in which they are given")
+    return Order((tuple(range(len(records))),), (), "in the order in which they are given", by_clocks=False)
 
 
 def test_records_of_one_session_begin_where_those_before_left_the_stage():
@@ -390,7 +390,9 @@ def test_records_most_of_which_have_no_time_of_their_own_are_taken_as_they_are_g
 
 def test_times_of_rows_tell_the_order_where_no_record_says_when_it_began():
     later = replace(TO[0], run=replace(TO[0].run, t_s=TO[0].run.t_s + 10))
-    assert numbers(later, TO[1])[0] == (((1, 0),), ())
+    assert numbers(later, TO[1]) == [(((1, 0),), ()), (((0, 1),), ())]
+    (only,) = orders([TO[1].run, later.run])
+    assert only.by_clocks
 
 
 def test_two_windows_of_one_record_begin_alike_and_were_driven_once():

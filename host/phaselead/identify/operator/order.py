@@ -20,6 +20,8 @@ class Order(NamedTuple):
     """Records of which nothing says when they were taken."""
     known: str
     """How the order is known, in words."""
+    by_clocks: bool
+    """Whether clocks tell it, so that it need explain no more than that it is not wrong."""
 
     @property
     def firsts(self) -> list[int]:
@@ -30,11 +32,12 @@ class Order(NamedTuple):
 def orders(runs: Sequence[AxisRun]) -> list[Order]:
     """The orders in which records may have been taken: by their clocks, where most have a time that they share with no
     other record, and the others each after the one that is given before it; without these; and as they are given."""
-    given = Order((tuple(range(len(runs))),), (), "in the order in which they are given")
-    by_clocks = _by_their_clocks(runs)
-    if by_clocks is None or by_clocks.chains == given.chains:
+    given = Order((tuple(range(len(runs))),), (), "in the order in which they are given", by_clocks=False)
+    clocked = _by_their_clocks(runs)
+    if clocked is None:
         return [given]
-    return [*([_with_all(by_clocks)] if by_clocks.alone else []), by_clocks, given]
+    several = [*([_with_all(clocked)] if clocked.alone else []), clocked]
+    return [*several, *([given] if all(order.chains != given.chains for order in several) else [])]
 
 
 def _with_all(order: Order) -> Order:
@@ -47,7 +50,7 @@ def _with_all(order: Order) -> Order:
             chain = next(chain for chain in chains if i - 1 in chain)
             chain.insert(chain.index(i - 1) + 1, i)
     known = f"{order.known}, {len(order.alone)} without one after the record given before"
-    return Order(tuple(map(tuple, chains)), (), known)
+    return Order(tuple(map(tuple, chains)), (), known, by_clocks=True)
 
 
 def same_drive(a: AxisRun, b: AxisRun) -> bool:
@@ -70,7 +73,7 @@ def _by_their_clocks(runs: Sequence[AxisRun]) -> Order | None:
     if 2 * len(alone) >= len(runs):
         return None
     sessions = f", of {len(chains)} sessions" if len(chains) > 1 else ""
-    return Order(tuple(chains), tuple(alone), f"in the order of their times{sessions}")
+    return Order(tuple(chains), tuple(alone), f"in the order of their times{sessions}", by_clocks=True)
 
 
 def _without_shared_times(runs: Sequence[AxisRun], numbers: Sequence[int]) -> tuple[int, ...]:

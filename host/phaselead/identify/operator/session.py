@@ -127,12 +127,13 @@ class _Telling:
         return self._best_from(starts, best)
 
     def told_in_order(self) -> Told | None:
-        """Each record after those before it, or most of them, in the first order where that leaves clearly less than
-        all from rest, and no other memories can leave much less, by what settled rows leave."""
+        """Each record after those before it, or most of them, in the first order where that leaves less than all from
+        rest, clearly less where no clock tells the order, and no other memories can leave much less, by what settled
+        rows leave."""
         for order in orders(self.records.runs):
-            told = self._in_order(order)
-            clearly = told is not None and told[1].error ** 2 < OTHER_MEMORY * self.at_rest.error**2
-            if told is not None and clearly and OTHER_MEMORY * told[1].error ** 2 <= self.first.error**2:
+            told, share = self._in_order(order), 1.0 if order.by_clocks else OTHER_MEMORY
+            less = told is not None and told[1].error ** 2 < share * self.at_rest.error**2
+            if told is not None and less and OTHER_MEMORY * told[1].error ** 2 <= self.first.error**2:
                 return told
         return None
 
