@@ -27,6 +27,7 @@ from any_stage import (
 from phaselead.errors import BadInput
 from phaselead.identify.fitting import _duration, fit
 from phaselead.identify.modal import measured_response
+from phaselead.identify.operator import OperatorFit
 from phaselead.identify.runs import driven_runs
 from phaselead.model.axis import LONGEST_DELAY_S
 from phaselead.model.effects.filters import resonant
@@ -106,6 +107,13 @@ def test_operator_modes_and_delay_are_found_together(mechanics):
             one for one in (re.search(r"shows no mode up to (\d+) Hz", line) for line in report.messages) if one
         )
         assert float(up_to[1]) > 600  # the multisine ends there; steps drive more
+
+
+def test_a_lag_whose_interval_holds_none_stays_in_the_delay(monkeypatch):
+    monkeypatch.setattr(OperatorFit, "lag_ci95_s", (0.0, 6e-4))
+    fitted, _ = fit(laboratory(replace(ONE_MODE, delay_s=3.6e-4, lag_s=3e-4), RATE_HZ, only=QUICK))
+    assert {effect.name for effect in fitted.axis("x").effects} == {"resonance"}
+    assert fitted.axis("x").time.delay_s == pytest.approx(6.6e-4, rel=0.1)
 
 
 @pytest.mark.parametrize("lag_s", [3e-4, *in_trials(6e-5)])

@@ -76,7 +76,7 @@ def creep_of(recordings: list[Recording]) -> float:
 
 @pytest.mark.parametrize("per_decade", [0.01, *in_trials(0.003, 0.03)])
 def test_what_creeps_is_found_in_any_records(per_decade):
-    assert creep_of(records(per_decade)) == pytest.approx(per_decade, rel=0.15)
+    assert creep_of(records(per_decade)) == pytest.approx(per_decade, rel=0.05)
 
 
 def test_a_stage_that_does_not_creep_gets_none():

@@ -101,8 +101,8 @@ def explained(
 
 def test_the_nearest_turning_point_that_explains_a_record_is_taken():
     said = (
-        "1 of 2 records do not start from rest; no order in which they were taken tells from where, so that it was "
-        "searched for, record by record: made (from about 5 V)"
+        "1 of 2 records do not start from rest; where each began was searched for, record by record: "
+        "made (from about 5 V)"
     )
     assert explained(4.9, wave=1.0) == ((5.0,), [said])
 
@@ -217,7 +217,7 @@ AS_GIVEN = (
 
 
 def as_given(records: list[FitRun]) -> Order:
-    return Order((tuple(range(len(records))),), (), "in the order in which they are given", by_clocks=False)
+    return Order((tuple(range(len(records))),), (), "in the order in which they are given", False)
 
 
 def test_records_of_one_session_begin_where_those_before_left_the_stage():
@@ -295,6 +295,30 @@ def test_the_offset_tells_how_far_the_first_turn_in_between_went():
     found, apart = named_apart(*OTHERS[:2], (9.5, 2.0), *OTHERS[3:])
     assert apart == [2]
     assert found[3] == pytest.approx((*IN_BETWEEN, 7, 3), abs=0.7)
+
+
+class Leaving:
+    """Leaves so much of a record's shape, and so much on average, in um, by what it remembers."""
+
+    def __init__(self, left: dict[Turns | None, tuple[float, float]]) -> None:
+        self.left = left
+
+    def residual(self, fit: FitRun) -> np.ndarray:
+        return self.residuals_of(fit)(fit.turned_V)
+
+    def residuals_of(self, fit: FitRun):
+        sides = np.resize([1.0, -1.0], len(fit.rows) // 2 * 2)
+        return lambda turned_V: self.left.get(turned_V, (0.0, 0.0))[0] * sides + self.left.get(turned_V, (0.0, 0.0))[1]
+
+
+@pytest.mark.parametrize("offset_told", [False, True])
+def test_a_memory_that_puts_a_record_far_off_is_not_believed_where_the_offset_is_told(offset_told):
+    """Its rows alone are explained clearly better than in order."""
+    every = [through(0, volt, 0) for volt in (5, 4, 3)]
+    others = [every[0], replace(every[1], turned_V=(9.0,)), replace(every[2], turned_V=(5.0,))]
+    operator = Leaving({(5.0,): (0.3, 0.0), (9.0,): (0.1, -5.0)})
+    found = session_in_part(every, as_given(every), others, operator, offset_told=offset_told)
+    assert found.apart == ([] if offset_told else [1])
 
 
 def test_the_first_record_has_a_past_that_those_after_it_have_as_well():
@@ -379,7 +403,8 @@ def test_a_record_without_a_time_may_have_followed_the_one_given_before_it():
     assert (first.chains, first.alone) == (((0, 4, 2, 3, 1),), ())
     assert (second.chains, second.alone) == (((4, 2, 1),), (0, 3))
     assert third.chains == ((0, 1, 2, 3, 4),)
-    assert "2 without one" in first.known
+    assert "2 that say no time of their own put after" in first.known
+    assert [order.by_clocks for order in (first, second, third)] == [False, True, False]
 
 
 @pytest.mark.parametrize("times_s", [(5.0, 5.0, 5.0, 0.0, 9.0), (None, None, None, 1.0, 9.0)])
@@ -392,10 +417,23 @@ def test_times_of_rows_tell_the_order_where_no_record_says_when_it_began():
     later = replace(TO[0], run=replace(TO[0].run, t_s=TO[0].run.t_s + 10))
     assert numbers(later, TO[1]) == [(((1, 0),), ()), (((0, 1),), ())]
     (only,) = orders([TO[1].run, later.run])
-    assert only.by_clocks
+    assert only.known == "in the order of their times"
+    assert not only.by_clocks
 
 
-def test_two_windows_of_one_record_begin_alike_and_were_driven_once():
+@pytest.mark.parametrize("rows", [60, None])
+def test_windows_of_one_record_begin_alike_and_the_longest_was_driven(rows):
+    """They have the rows before the window and not those after it."""
     first, second, third = (taken_at(fit, at_s, "a") for fit, at_s in zip(TO[:3], (0.0, 10.0, 20.0), strict=True))
-    window = replace(second, run=replace(second.run, scored=slice(50, None)))
-    assert began(first, second, window, third) == [None, (5,), (5,), (7,)]
+    run, end = second.run, slice(rows)
+    window = replace(run, t_s=run.t_s[end], u_V=run.u_V[end], x_um=run.x_um[end], scored=slice(50, rows))
+    every = [third, second, first, rows_to_fit(window, 10_000, 0, 1)]
+    assert began(*every) == [(7,), (5,), None, (5,)]
+    assert numbers(*every)[0][1] == ()
+
+
+def test_the_same_voltage_driven_twice_is_no_window():
+    """Neither says when it began, and their rows have the same times."""
+    twice = [replace(fit, run=replace(fit.run, x_um=fit.run.x_um + more)) for fit in TO[:2] for more in (0.0, 0.1)]
+    assert numbers(*twice) == [(((0, 1, 2, 3),), ())]
+    assert began(*twice) == [None, (5,), (5,), (7,)]

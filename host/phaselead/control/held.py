@@ -51,13 +51,11 @@ def unknown_warning(device: Device, known: Stage | None, mode: str, *, gains_giv
 def low_gains_warning(stage: Stage | None, held: Stage | None, mode: str, gains: Mapping[str, Gains]) -> list[str]:
     """What to say of gains that were designed, not tuned, for a model without modes, be it ``stage``'s, or what a
     device tells of the one that is ``held``."""
-    designed = [axis for axis, own in gains.items() if own.origin is not None]
+    designed = [axis for axis, own in gains.items() if are_designed(own)]
     if not mode.endswith("pid"):
         return []
     if stage is not None:
-        known = {axis: stage.axes[axis] for axis in designed if axis in stage.axes}
-        low = [axis for axis, model in known.items()
-               if first_mode_Hz(model) is None and are_designed(gains[axis], axis, model)]  # fmt: skip
+        low = [axis for axis in designed if axis in stage.axes and first_mode_Hz(stage.axes[axis]) is None]
         why, better = "the model shows no mode", "`phaselead tune` measures better ones"
     else:
         low = designed if held is not None else []

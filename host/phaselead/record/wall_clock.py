@@ -51,8 +51,8 @@ def began(meta: Mapping[str, Any]) -> Began | None:
     if unix_s is not None:
         return Began(unix_s, unix=True)
     by_device_s, session = meta.get(T0_DEVICE_S), meta.get(DEVICE_SESSION)
-    if isinstance(by_device_s, bool | np.bool_) or not isinstance(by_device_s, int | float | np.number):
+    if isinstance(by_device_s, bool) or not isinstance(by_device_s, int | float | np.integer | np.floating):
         return None
-    counted = 0 <= float(by_device_s) < LONGEST_COUNT_S
+    counted = bool(0 <= by_device_s < LONGEST_COUNT_S)
     of_session = session if isinstance(session, str) else None
     return Began(float(by_device_s), unix=False, session=of_session) if counted else None

@@ -14,8 +14,8 @@ from phaselead.model import AxisModel
 
 CREEP_ROUNDS = 4
 """How often creep is told anew beside what was fitted again: a budget of time."""
-SAME_SQUARES = 0.99
-"""Of what was left, chosen: a round that leaves more than this is the last."""
+SAME_CREEP = 0.1
+"""Of creep, chosen: told anew by less than this beside what it led to, it is the same."""
 
 Found = tuple[OperatorFit, FittedModes | None]
 
@@ -33,7 +33,7 @@ def fit_with_creep(runs: Sequence[AxisRun]) -> Found:
         return without
     for _ in range(CREEP_ROUNDS):
         left, fit = found
-        better = _with_creep_beside(fit, runs, SAME_SQUARES * left, anew=False)
+        better = _with_creep_beside(fit, runs, left, anew=False)
         if better is None:
             break
         found = better
@@ -45,18 +45,27 @@ def _with_creep_beside(
     fit: Found, runs: Sequence[AxisRun], below: float, *, anew: bool = True
 ) -> tuple[float, Found] | None:
     """The fit of the records without what creeps beside ``fit``, from there on, behind the squares that it leaves; None
-    where nothing creeps, or these are not ``below``. ``anew``: from the beginning as well where records are few, or
-    where what it leaves from there on is not: where records began is told by what is left of them, and the search is
-    not convex."""
+    where nothing creeps but what the fit has, or these are not ``below``. ``anew``: from the beginning as well where
+    records are few, or where what it leaves from there on is not: where records began is told by what is left of them,
+    and the search is not convex."""
     operator, modes = fit
     creep = creep_beside(runs, operator, () if modes is None else modes.modes)
-    if creep is None:
+    if creep is None or _same(creep, operator.creep):
         return None
     less = [creep.taken_from(run) for run in runs]
     best = _judged(go_on(operator, modes, less), creep, runs)
     if anew and (len(runs) < MANY_RUNS or not best[0] < below):
         best = min(best, _judged(fit_together(less), creep, runs), key=lambda pair: pair[0])
     return best if best[0] < below else None
+
+
+def _same(creep: Creep, known: Creep | None) -> bool:
+    """Whether both begin together and creep as far."""
+    return (
+        known is not None
+        and creep.first_s == known.first_s
+        and abs(creep.per_decade - known.per_decade) <= SAME_CREEP * known.per_decade
+    )
 
 
 def _judged(of_less: Found, creep: Creep, runs: Sequence[AxisRun]) -> tuple[float, Found]:

@@ -37,8 +37,8 @@ stays above this share of what it was."""
 OWN_OFFSETS = f"the records differ in offset by more than {100 * DRIFT:g} % of their range: each has its own"
 REST_UNTOLD = "the records do not tell how the memory rests at 0 V: it is taken as 0"
 NO_REST = (
-    "no record begins at rest: how the memory rests at 0 V, and the position there, are told by where the records are "
-    "thought to begin, with no known error; give one that begins at rest"
+    "no record begins at rest at 0 V: rest fraction and offset follow from what is thought to have been before, and "
+    "have no known error; give one that begins there"
 )
 LAG_STEP = 0.001
 """Of the longest lag: how finely the best one is searched. A hundredth was several standard errors."""
@@ -135,9 +135,9 @@ def _lagging(records: Records, found: Solution) -> tuple[Records, Solution]:
 
 
 def _lag_told(behind: Records, found: Solution) -> bool:
-    """Whether 0 is outside the 95 % interval of the lag, or that is not known."""
+    """Whether the 95 % interval of the lag is known and does not hold 0."""
     interval_s = _of_all_rows(behind, found, found.modes, (), ()).lag_ci95_s
-    return interval_s is None or interval_s[0] > 0
+    return interval_s is not None and interval_s[0] > 0
 
 
 def _best_lag(records: Records, without: Solution, longest_s: float) -> tuple[Records, Solution]:
@@ -251,7 +251,8 @@ def _result(records: Records, solution: Solution, choices: Sequence[Choice], mes
     unexplained = [e - e.mean() for e in residuals] if records.own_offsets else residuals
     view = solution.time_view(1.0 / fits[0].run.step_s, unexplained)
     std = standard_errors(fits, solution, residuals)
-    rested = REST_UNTOLD in messages or any(f.turned_V is None and f.run.begins_at_0_V for f in fits)
+    remembers = solution.basis.size > solution.basis.n_segments and REST_UNTOLD not in messages
+    rested = not remembers or any(f.turned_V is None and f.run.begins_at_0_V for f in fits)
     return OperatorFit(
         view.model_copy(update={"u_range_V": records.span_V, "field_bend": records.field.bend}),
         std if rested else std | {"rest_fraction": (float("nan"),), "offset_um": (float("nan"),)},

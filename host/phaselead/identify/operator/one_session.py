@@ -48,10 +48,11 @@ def in_one_session(
     for chain in order.chains:
         before: Turns = ()
         for last, i in zip((None, *chain), chain, strict=False):
-            if last is not None and same_drive(fits[last].run, fits[i].run):
-                found[i] = replace(fits[i], turned_V=found[last].turned_V)
-                continue
             way_V = _swings(fits[i].run)
+            if last is not None and same_drive(fits[last].run, fits[i].run):  # the longer one comes after the shorter
+                found[i] = replace(fits[i], turned_V=found[last].turned_V)
+                before = driven_on(found[i].turned_V or (), way_V)
+                continue
             found[i] = _first(fits[i]) if last is None else _after(before, fits[i], way_V[0])
             other = judged(i, found[i]) if judged else None
             if other is not None:

@@ -21,7 +21,7 @@ class Order(NamedTuple):
     known: str
     """How the order is known, in words."""
     by_clocks: bool
-    """Whether clocks tell it, so that it need explain no more than that it is not wrong."""
+    """Whether clocks tell all of it, so that it need explain no more than that it is not wrong."""
 
     @property
     def firsts(self) -> list[int]:
@@ -32,7 +32,7 @@ class Order(NamedTuple):
 def orders(runs: Sequence[AxisRun]) -> list[Order]:
     """The orders in which records may have been taken: by their clocks, where most have a time that they share with no
     other record, and the others each after the one that is given before it; without these; and as they are given."""
-    given = Order((tuple(range(len(runs))),), (), "in the order in which they are given", by_clocks=False)
+    given = Order((tuple(range(len(runs))),), (), "in the order in which they are given", False)
     clocked = _by_their_clocks(runs)
     if clocked is None:
         return [given]
@@ -49,13 +49,15 @@ def _with_all(order: Order) -> Order:
         else:
             chain = next(chain for chain in chains if i - 1 in chain)
             chain.insert(chain.index(i - 1) + 1, i)
-    known = f"{order.known}, {len(order.alone)} without one after the record given before"
-    return Order(tuple(map(tuple, chains)), (), known, by_clocks=True)
+    put = f"{len(order.alone)} that say no time of their own put after the one given before them"
+    return Order(tuple(map(tuple, chains)), (), f"{order.known}, {put}", by_clocks=False)
 
 
 def same_drive(a: AxisRun, b: AxisRun) -> bool:
-    """Whether two are windows of one record: the stage went that way once."""
-    return a.began == b.began and np.array_equal(a.t_s, b.t_s) and np.array_equal(a.u_V, b.u_V)
+    """Whether two are windows of one record, one perhaps longer than the other: the stage went that way once."""
+    rows = slice(min(len(a.t_s), len(b.t_s)))
+    pairs = (a.t_s, b.t_s), (a.u_V, b.u_V), (a.x_um, b.x_um)
+    return a.began == b.began and all(np.array_equal(one[rows], other[rows]) for one, other in pairs)
 
 
 def _by_their_clocks(runs: Sequence[AxisRun]) -> Order | None:
@@ -66,14 +68,15 @@ def _by_their_clocks(runs: Sequence[AxisRun]) -> Order | None:
     for i, run in enumerate(runs):
         if run.began is not None:
             of_clock.setdefault("Unix" if run.began.unix else f"session {run.began.session}", []).append(i)
+    by_clocks = bool(of_clock)
     if not of_clock:
         of_clock["t_s"] = list(range(len(runs)))
     chains = [chain for numbers in of_clock.values() if (chain := _without_shared_times(runs, numbers))]
     alone = sorted(set(range(len(runs))).difference(*chains))
     if 2 * len(alone) >= len(runs):
         return None
-    sessions = f", of {len(chains)} sessions" if len(chains) > 1 else ""
-    return Order(tuple(chains), tuple(alone), f"in the order of their times{sessions}", by_clocks=True)
+    clocks = f" by {len(chains)} clocks" if len(chains) > 1 else ""
+    return Order(tuple(chains), tuple(alone), f"in the order of their times{clocks}", by_clocks)
 
 
 def _without_shared_times(runs: Sequence[AxisRun], numbers: Sequence[int]) -> tuple[int, ...]:
@@ -86,6 +89,7 @@ def _without_shared_times(runs: Sequence[AxisRun], numbers: Sequence[int]) -> tu
         latest = max(latest, before, key=lambda k: spans_s[k][1])
         if spans_s[i][0] <= spans_s[latest][1] and not same_drive(runs[latest], runs[i]):
             shared |= {latest, i}
+    shared |= {i for i in order if any(same_drive(runs[i], runs[k]) for k in shared)}
     return tuple(i for i in order if i not in shared)
 
 

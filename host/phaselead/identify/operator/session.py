@@ -257,7 +257,7 @@ def told_behind_modes(records: Records, found: Solution, known: OperatorFit) -> 
     """The memories told anew, since the ringing of fast records hid them from a fit without modes, and what to say of
     all of them.
 
-    Where rows before those that count have settled a record there is no more to tell.
+    Where rows before those that count have settled a record no search tells more; an order may.
     """
     said = list(known.about_memories)
     if not found.modes:
@@ -272,17 +272,18 @@ def told_behind_modes(records: Records, found: Solution, known: OperatorFit) -> 
     def told(share: float) -> tuple[list[FitRun], list[str]]:
         return with_memories(records.fits, found, share, records.own_offsets, known=warmed)
 
-    likely = told(LIKELY_MEMORY)[0]
-    for nth, order in enumerate(orders(records.runs)):
-        share = OTHER_MEMORY if nth else 1.0  # the likeliest order, unless another leaves clearly less
-        for session, of_session in _sessions(records, order, likely, found):
-            better = searched(session)
-            if better.error**2 < share * found.error**2:
-                records, found, said = session, better, of_session
-    for again in range(MEMORY_ROUNDS):
-        fits, named = told(OTHER_MEMORY if again else LIKELY_MEMORY)
+    fits, named = told(LIKELY_MEMORY)
+    before = records
+    for session, of_session in _sessions(before, orders(before.runs)[0], fits, found):
+        better = searched(session)
+        if better.error < found.error:
+            records, found, said = session, better, of_session
+    if records is not before:
+        fits, named = told(LIKELY_MEMORY)
+    for _ in range(MEMORY_ROUNDS):
         better = searched(moved := replace(records, fits=fits))
         if not better.error < found.error:
             break
         records, found, said = moved, better, named
+        fits, named = told(OTHER_MEMORY)
     return records, found, said

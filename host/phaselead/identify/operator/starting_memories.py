@@ -301,8 +301,8 @@ def _message(elsewhere: list[str], count: int) -> list[str]:
     if not elsewhere:
         return []
     return [
-        f"{len(elsewhere)} of {count} records do not start from rest; no order in which they were taken tells from "
-        f"where, so that it was searched for, record by record: {some_of(elsewhere)}"
+        f"{len(elsewhere)} of {count} records do not start from rest; where each began was searched for, record by "
+        f"record: {some_of(elsewhere)}"
     ]
 
 

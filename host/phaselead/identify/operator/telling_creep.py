@@ -55,7 +55,7 @@ def creep_beside(runs: Sequence[AxisRun], known: OperatorFit, modes: tuple[Mode,
     amount, error = solved[best]
     one_lag = min((left for _, left in solved[len(tried) :]), default=np.inf)
     rows = sum(effective_rows(found.residual(f)) for f in less.fits)
-    if not 2 * rows * np.log(without / error) > CHANCE_GAIN or one_lag < error:
+    if not without > error * np.exp(CHANCE_GAIN / 2 / rows) or one_lag < error:
         return None
     k, _ = tried[best].terms
     return replace(tried[best], per_decade=min(amount / um_per_V, MOST_CREEP / float(k.sum()), _catalogue()[0].high))
