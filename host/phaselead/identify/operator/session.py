@@ -142,9 +142,14 @@ class _Telling:
         and anew by that of the session that this led to. None where an order changes nothing."""
         best: Told | None = None
         records, others, operator = self.records, self.of_first, self.first
+        tried: list[list[Turns | None]] = []
         for again in range(MEMORY_ROUNDS):
             before = best
             for session, said in _sessions(records, order, others, operator, offset_told=again > 0):
+                memories = [f.turned_V for f in session.fits]
+                if memories in tried:
+                    continue
+                tried.append(memories)
                 found = self._searched(session)
                 if best is None or found.error < best[1].error:
                     best = session, found, said
