@@ -45,9 +45,9 @@ def _with_creep_beside(
     fit: Found, runs: Sequence[AxisRun], below: float, *, anew: bool = True
 ) -> tuple[float, Found] | None:
     """The fit of the records without what creeps beside ``fit``, from there on, behind the squares that it leaves; None
-    where nothing creeps but what the fit has, or these are not ``below``. ``anew``: from the beginning as well where
-    records are few, or where what it leaves from there on is not: where records began is told by what is left of them,
-    and the search is not convex."""
+    where nothing creeps but what the fit has, or these are not ``below``. ``anew``: where records are few, or going on
+    does not get ``below``, from the beginning as well: where records began is told by what is left of them, and the
+    search is not convex."""
     operator, modes = fit
     creep = creep_beside(runs, operator, () if modes is None else modes.modes)
     if creep is None or _same(creep, operator.creep):

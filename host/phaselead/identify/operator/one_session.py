@@ -91,16 +91,11 @@ def session_in_part(
     the record as it does by itself. Where half of those in chains or more are apart there is no session, and all are.
 
     How far its first turn went is often told by the offset alone: it is taken where that is as of the records in order
-    before it, unless records have ``own_offsets``. ``offset_told``: the operator tells the offset that they have, and
+    before it, unless records have ``own_offsets``. ``offset_told``: the operator tells the one that all have, and
     what is beyond drift counts against a memory.
     """
     means_um: list[float] = []
-    points_V = turning_points_V(fits)
-
-    def usual_um() -> float | None:
-        if own_offsets or not (offset_told or means_um):
-            return None
-        return 0.0 if offset_told else float(np.median(means_um))
+    points_V, offset_told = turning_points_V(fits), offset_told and not own_offsets
 
     def judged(i: int, in_order: FitRun) -> FitRun | None:
         e, other = operator.residual(in_order.with_start()), others[i]
@@ -108,9 +103,10 @@ def session_in_part(
         if OTHER_MEMORY * _square(e, in_order, offset_told) <= _square(alone, other, offset_told):
             means_um.append(float(e.mean()))
             return None
-        to_um = usual_um()
         ways = ways_alike(other, operator, points_V, lambda turns: driven_on(in_order.turned_V or (), turns))
-        return (ways[0] if to_um is None else nearest(ways, to_um))[0]
+        if own_offsets or not (offset_told or means_um):
+            return ways[0][0]
+        return nearest(ways, 0.0 if offset_told else float(np.median(means_um)))[0]
 
     session = in_one_session(fits, order, judged)
     some = 2 * len(session.apart) < sum(map(len, order.chains))

@@ -49,8 +49,8 @@ def _with_all(order: Order) -> Order:
         else:
             chain = next(chain for chain in chains if i - 1 in chain)
             chain.insert(chain.index(i - 1) + 1, i)
-    put = f"{len(order.alone)} that say no time of their own put after the one given before them"
-    return Order(tuple(map(tuple, chains)), (), f"{order.known}, {put}", by_clocks=False)
+    known = f"{order.known} ({len(order.alone)} without a time of their own: after the one given before)"
+    return Order(tuple(map(tuple, chains)), (), known, by_clocks=False)
 
 
 def same_drive(a: AxisRun, b: AxisRun) -> bool:
