@@ -3,6 +3,7 @@
 from phaselead.control.gains import design_gains, with_gains
 from phaselead.gap.adopt import next_stage
 from phaselead.model.axis import AdoptedEffect, AxisModel, Gains, TimeView
+from phaselead.model.loop_filter import LoopFilter
 from phaselead.model.stage_file import Stage
 
 
@@ -18,9 +19,11 @@ def test_designed_gains_follow_a_mode_that_moved():
     assert next_stage(before, {"x": moved}, []).axes["x"].gains == design_gains("x", axis(450.0))
 
 
-def test_chosen_gains_and_none_stay():
+def test_chosen_and_tuned_gains_and_none_stay():
     own = Gains(kp_V_per_um=0.0, ki_V_per_um_s=2.0, kd_V_s_per_um=0.0)
-    for gains in (own, None):
+    notch = LoopFilter(zeros_Hz=200.0, zeros_zeta=0.02, poles_Hz=200.0, poles_zeta=1.0)
+    tuned = own.model_copy(update={"origin": "tuned on sim://xyz250", "filters": (notch,)})
+    for gains in (own, tuned, None):
         before = Stage(name="s", axes={"x": axis(200.0, gains)})
         assert next_stage(before, {"x": axis(450.0, gains)}, []).axes["x"].gains == gains
 

@@ -126,7 +126,7 @@ def spoil(path: Path, kind: str) -> None:
 @pytest.mark.parametrize(
     ("kind", "told"),
     [
-        ("cut", "no whole HDF5 file"),
+        ("cut", "is cut off after"),
         ("foreign", "no dataset t_s"),
         ("no time", "no dataset t_s"),
         ("newer", "newer phaselead"),

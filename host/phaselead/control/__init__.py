@@ -9,6 +9,7 @@ from phaselead.control.feedback_loop import Loop, loop_of
 from phaselead.control.gains import (
     PAPER_GAINS,
     GainsLike,
+    are_designed,
     describe_gains,
     describe_unseen,
     gains_of,
@@ -53,6 +54,7 @@ __all__ = [
     "Run",
     "TrackingError",
     "Tuned",
+    "are_designed",
     "assumed_limits",
     "best_mode",
     "connect",

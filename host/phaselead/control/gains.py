@@ -155,14 +155,14 @@ def _largest_ki(peak: Callable[[float, float], float], kd: float, most: float) -
 
 
 def with_gains(stage: Stage) -> Stage:
-    """The stage with gains designed for every axis that shows a mode; an axis with gains of somebody's choice keeps
-    them."""
+    """The stage with gains designed for every axis that shows a mode; an axis whose gains were chosen, or measured by
+    ``tune``, keeps them."""
     axes = {name: _with_gains(name, model) for name, model in stage.axes.items()}
     return stage if axes == stage.axes else stage.model_copy(update={"axes": axes})
 
 
 def _with_gains(axis: str, model: AxisModel) -> AxisModel:
-    if model.gains is not None and model.gains.origin is None:
+    if model.gains is not None and not are_designed(model.gains):
         return model
     try:
         known = bool(small_signal(model).modes)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from collections.abc import Set as AbstractSet
 
-from phaselead.control import with_gains
+from phaselead.control import are_designed, with_gains
 from phaselead.gap.findings import NAMED, PROVISIONAL, Adopted, NamedEffect
 from phaselead.model import AdoptedEffect, AxisModel, Stage, catalogue, provenance_of
 from phaselead.record import Recording
@@ -42,14 +42,14 @@ def kept_names(named: Sequence[NamedEffect], entries: Sequence[NamedEffect], pla
 
 def next_stage(stage: Stage, axes: Mapping[str, AxisModel], data: Sequence[Recording]) -> Stage:
     """The stage with ``axes`` replaced, and with the parent's hash and the records learned from as its provenance.
-    Gains that were designed for the model before are designed anew; chosen ones, and none, stay."""
+    Gains that were designed for the model before are designed anew; chosen or tuned ones, and none, stay."""
     found = Stage(
         name=stage.name,
         provenance=provenance_of(stage, data),
         cross_coupling=stage.cross_coupling,
         axes={**stage.axes, **axes},
     )
-    designed = {n: m for n, m in found.axes.items() if m.gains is not None and m.gains.origin is not None}
+    designed = {n: m for n, m in found.axes.items() if m.gains is not None and are_designed(m.gains)}
     if not designed:
         return found
     anew = with_gains(found.model_copy(update={"axes": designed}))

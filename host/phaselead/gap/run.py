@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from phaselead.control import own_loop_warnings
 from phaselead.gap.adopt import next_stage
 from phaselead.gap.axis import AxisResult, search_axis
 from phaselead.gap.effect_search import Progress
@@ -62,7 +63,7 @@ def run_gap(
     report(1.0)
     after = next_stage(stage, {r.axis: r.model for r in results}, [*train, *reference])
     found = _joined(results, after, tuple(dict.fromkeys(r.sha256 for r in holdout)), time.monotonic() - began)
-    doubts = (*doubts, *(doubt for result in results for doubt in result.doubts))
+    doubts = (*doubts, *(doubt for result in results for doubt in result.doubts), *_gains_that_stay(after))
     found = replace(found, messages=(*found.messages, *_about_drift(found, runs)))
     parts = {"train": train, "holdout": holdout, "reference": reference}
     sources = {name: tuple(r.traced for r in part) for name, part in parts.items()}
@@ -79,6 +80,14 @@ def _about_drift(found: GapResult, runs: Mapping[str, Sequence[GapRun]]) -> list
     return [
         f"{drifts[0]} counts from the first training or held-out record, by when each was taken (t0_utc); `verify` and "
         "`predict` count every file from its own 0 s"
+    ]
+
+
+def _gains_that_stay(stage: Stage) -> list[str]:
+    """What the next model says against gains that were chosen or tuned before it."""
+    return [
+        f"{line}: its gains were chosen or tuned before; `phaselead tune` measures new ones"
+        for line in own_loop_warnings(stage, force=True)
     ]
 
 

@@ -147,8 +147,11 @@ def read_hdf5(path: str | os.PathLike[str], *, whole: bool = True) -> Hdf5Record
         raise
     except Exception as error:  # whatever the library meets in a broken file
         reason = " ".join(str(error).split())[:120]
+        what = f"is no whole HDF5 file ({reason})"
+        if "truncated" in reason:
+            what = f"is cut off after {os.path.getsize(path)} bytes"
         raise BadInput(
-            f"{path}: is no whole HDF5 file ({reason}); if it was cut off, recover it from its journal"
+            f"{path}: {what}; copy it again, or make it anew from its journal (phaselead log recover)"
         ) from None
 
 
