@@ -43,7 +43,7 @@ def sizes(name):
         "thermal_drift": {"ramp_um_per_s": 0.2, "rise_um": 3.0, "tau_s": 6.0},
         "mains_hum": {"sin1_um": 0.3, "cos1_um": 0.2, "sin2_um": 0.1, "cos3_um": 0.2},
         "sensor_nonlinearity": {"quadratic": 0.01, "cubic": -0.02, "quartic": 0.01, "linear": 0.01},
-        "load_change": {"mass": 1.0, "others": 0.3},
+        "load_change": {"mass": 1.0, "damping": 0.5, "others": 0.3},
         "rate_dependence": {"growth": 0.03, "stribeck": 0.02, "coulomb": 0.03},
         "dead_band": {"width_V": 0.1},
         "crossover_distortion": {"width_V": 0.3, "tau_s": 5e-3},

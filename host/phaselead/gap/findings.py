@@ -86,6 +86,11 @@ class Detectable:
     axis: str | None = None
 
 
+CLEARLY_ABOVE_FLOOR = 2.0
+"""Times the floor from which what is left of the held-out records is something that may shift their means as well, and
+that nothing which was found accounts for."""
+
+
 @dataclass(frozen=True)
 class GapSize:
     """RMS error over all held-out records, before and after, and the floor that no model is expected to beat."""
@@ -99,6 +104,11 @@ class GapSize:
     floor_is_after: bool = False
     """Whether the floor is ``after`` itself, since nothing is known to leave less: then what is left above it is 0 by
     definition and says nothing."""
+
+    @property
+    def clearly_above_floor(self) -> bool:
+        """Whether far more is left than no model is expected to beat."""
+        return self.after >= CLEARLY_ABOVE_FLOOR * self.floor
 
     @classmethod
     def below(cls, before: float, after: float, level: float, level_from: str) -> GapSize:

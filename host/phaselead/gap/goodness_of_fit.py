@@ -26,9 +26,6 @@ from phaselead.record import Samples
 
 OF_THE_RICHEST = "what the richest model of all leaves of the training records"
 """What the floor is without reference records."""
-CLEARLY_ABOVE_FLOOR = 2.0
-"""Times the floor, which is what the model leaves of the reference records, from which what is left of the held-out
-records is something that may shift their means as well."""
 
 
 @dataclass(frozen=True)
@@ -67,7 +64,7 @@ class FinalFit:
     def unexplained_um(self) -> float:
         """RMS that is left of the held-out records beyond the floor, where it is clearly above that."""
         after, floor = self.gap.after, self.gap.floor
-        return math.sqrt(after**2 - floor**2) if after >= CLEARLY_ABOVE_FLOOR * floor else 0.0
+        return math.sqrt(after**2 - floor**2) if self.gap.clearly_above_floor else 0.0
 
     def acting(self, role: Role) -> list[tuple[ModelledRun, tuple[SizedEffect, ...]]]:
         """Every run of a role, and the effects that act in it: none in a reference record."""

@@ -18,7 +18,7 @@ from phaselead.gap.parameters import SizedEffect
 from phaselead.gap.posterior import each_fitted, intervals_alone
 from phaselead.gap.records import GapRun, Role
 from phaselead.gap.residual import modelled_run
-from phaselead.gap.savings import probability_by_chance, saved_by_block
+from phaselead.gap.savings import probability_by_chance, shares_saved, squares_by_block
 from phaselead.model import Effect
 from phaselead.record import Samples
 
@@ -64,17 +64,23 @@ def _beside(final: FinalFit, entries: Sequence[SizedEffect], open_plays: bool) -
 def _best_that_pays(final: FinalFit, tried: Sequence[FinalFit]) -> FinalFit | None:
     """The fit that saves most of the held-out squares, of those that save some of them and of those of the training
     records beyond chance; None without one."""
-    worth = [one for one in tried if probability_by_chance(_saved(final, one, "train")) < ERROR_RATE]
+    worth = [one for one in tried if _chance(*_squares(final, one, "train")) < ERROR_RATE]
     best: FinalFit | None = None
     most = 0.0
     for one in worth:
-        saved = _saved(final, one, "holdout")
-        if float(saved.sum()) > most and probability_by_chance(saved) * len(worth) < ERROR_RATE:
-            best, most = one, float(saved.sum())
+        was, now = _squares(final, one, "holdout")
+        if float((was - now).sum()) > most and _chance(was, now) * len(worth) < ERROR_RATE:
+            best, most = one, float((was - now).sum())
     return best
 
 
-def _saved(before: FinalFit, after: FinalFit, role: Role) -> Samples:
-    """Squares (blocks,) that one fit saves of another on the runs of one role."""
+def _chance(was: Samples, now: Samples) -> float:
+    """Probability that a fit which saves nothing leaves so little; a share of each block is asked for, since one record
+    may hold nearly all of the squares."""
+    return probability_by_chance(shares_saved(was, now))
+
+
+def _squares(before: FinalFit, after: FinalFit, role: Role) -> tuple[Samples, Samples]:
+    """Squares (blocks,) that one fit leaves of the runs of one role, and another."""
     was, now = ([modelled for modelled in fit.after if modelled.run.role == role] for fit in (before, after))
-    return saved_by_block(was, before.entries, now, after.entries)
+    return squares_by_block(was, before.entries, now, after.entries)

@@ -37,6 +37,10 @@ from phaselead.result import Result, Table, json_text
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+UNEXPLAINED_NONE = (
+    "nothing that these records can show was found, and yet more is left than the floor: what they cannot show may be "
+    "there"
+)
 MOST_CELLS = 5
 """Of the largest cells, in a notebook."""
 
@@ -136,9 +140,20 @@ class GapResult(Result):
 
     def sizes_of(self, effect: NamedEffect) -> Mapping[str, Estimate | Estimates]:
         """Its parameters and, behind them, what they come to as a person means them: a bow's peak, a mean rate."""
-        compared = self.compared.axes
-        axis = effect.axis or (self.traces[0].axis if self.traces else next(iter(compared)))
-        return {**effect.params, **derived_of(effect, Scene(compared[axis], self.spans_s.get(axis, ())))}
+        axis = self._axis_of(effect)
+        scene = Scene(self.compared.axes[axis], self.spans_s.get(axis, ()))
+        return {**effect.params, **derived_of(effect, scene)}
+
+    def in_words(self, effect: NamedEffect) -> str:
+        """Its parameters as a person would say them, where their names do not; otherwise empty."""
+        known = catalogue()[effect.name]
+        if known.reads is None:
+            return ""
+        params = known.complete({name: value for name, (value, _, _) in effect.params.items()})
+        return known.reads(params, self.compared.axes[self._axis_of(effect)])
+
+    def _axis_of(self, effect: NamedEffect) -> str:
+        return effect.axis or (self.traces[0].axis if self.traces else next(iter(self.compared.axes)))
 
     @property
     def next_model(self) -> Stage:
@@ -174,6 +189,12 @@ class GapResult(Result):
         return f"{said}; that is no more than {whose} equations may miss of the power that {explain}"
 
     @property
+    def more_than_floor(self) -> bool:
+        """Whether nothing was found, and yet far more is left than the floor: what these records cannot show may be
+        there."""
+        return self.verdicts == ("none",) and self.gap.clearly_above_floor
+
+    @property
     def advice(self) -> str:
         """Which records would help where something is there and nothing is named; otherwise empty."""
         if "unknown" not in self.verdicts or self.effects or self.sources.get("reference"):
@@ -190,6 +211,7 @@ class GapResult(Result):
             parts.append(f"{effect.name}{on}: {explained(effect)}; {effect.why}")
             headings = ("parameter", "value", "95 % interval", "unit")
             parts.append(Table(headings, tuple(parameter_texts(self.sizes_of(effect)))))
+            parts += [words] if (words := self.in_words(effect)) else []
         parts += [f"these records cannot tell apart: {', '.join(tie)}" for tie in self.ties]
         if self.provisional:
             parts.append(f"adopted provisionally, for the prediction; not vouched for: {', '.join(self.provisional)}")
@@ -203,7 +225,8 @@ class GapResult(Result):
         if self.advice:
             parts.append(self.advice)
         parts += _bounds(self.excluded)
-        if self.untestable and "unknown" in self.verdicts:
+        parts += [UNEXPLAINED_NONE] if self.more_than_floor else []
+        if self.untestable and ("unknown" in self.verdicts or self.more_than_floor):
             reasons = tuple((name, self.why_untestable(name)) for name in self.untestable)
             parts.append(Table(("not testable with these records", "why, and what would show it"), reasons))
         elif self.untestable:

@@ -72,7 +72,10 @@ def gap_page(result: GapResult, model_name: str, json_name: str = "gap.json") ->
         cards=cards(result),
         cells=standing_out(result.where),
         cells_figure=cells_figure(result.where) if result.where else None,
-        effects=[effect_part(effect, parameter_rows(result.sizes_of(effect))) for effect in result.effects],
+        effects=[
+            effect_part(effect, parameter_rows(result.sizes_of(effect))) | {"words": in_prose(result.in_words(effect))}
+            for effect in result.effects
+        ],
         ties=[tie_part(tie) for tie in result.ties],
         provisional=listed([effect_title(name) for name in result.provisional]) if result.provisional else "",
         unexplained=result.unexplained,

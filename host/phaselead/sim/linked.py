@@ -68,7 +68,7 @@ class LinkedParts(VirtualAxis):
         self._axis, self._operator, self._surroundings = axis, axis.operator, axis.surroundings
         self._links: list[tuple[Place, Callable[[], Link]]] = []
         self._plays: list[tuple[float, float, float]] = []  # threshold V, weight um/V, start V
-        self._mass, self._others = 0.0, 1.0
+        self._mass, self._damping, self._others = 0.0, 0.0, 1.0
         self._largest = 0.0
         self._taken: set[str] = set()
 
@@ -87,13 +87,14 @@ class LinkedParts(VirtualAxis):
         self._largest = max([self._largest, *(abs(share) for share in c)])
         self._link(lambda: _modes(c, f_Hz, zeta, self._felt(c)))
 
-    def load(self, mass: float, others: float) -> None:
+    def load(self, mass: float, damping: float, others: float) -> None:
         self._only("load")
-        self._mass, self._others = mass, others
+        self._mass, self._damping, self._others = mass, damping, others
 
-    def _felt(self, c: Sequence[float]) -> list[float]:
-        """What each of some modes feels of the load, once all modes are known."""
-        return [self._mass * (1.0 if abs(share) >= self._largest else self._others) for share in c]
+    def _felt(self, c: Sequence[float]) -> list[tuple[float, float]]:
+        """The mass and the damping of the load that each of some modes feels, once all modes are known."""
+        felt = [1.0 if abs(share) >= self._largest else self._others for share in c]
+        return [(part * self._mass, part * self._damping) for part in felt]
 
     def slew(self, per_s: float, loop_s: float) -> None:
         self._link(lambda: _link(SLEW, per_s, loop_s))
@@ -262,12 +263,14 @@ def _poles(direct: float, poles: Sequence[complex], weights: Sequence[complex]) 
     return link
 
 
-def _modes(c: Sequence[float], f_Hz: Sequence[float], zeta: Sequence[float], felt: Sequence[float]) -> Link:
+def _modes(
+    c: Sequence[float], f_Hz: Sequence[float], zeta: Sequence[float], felt: Sequence[tuple[float, float]]
+) -> Link:
     """Each mode as twice the real part of one complex lag: w^2 / (s^2 + 2 zeta w s + w^2)."""
     poles, weights = [], []
-    for share, f, damping, mass in zip(c, f_Hz, zeta, felt, strict=True):
+    for share, f, damping, (mass, damper) in zip(c, f_Hz, zeta, felt, strict=True):
         slower = (1 + mass) ** -0.5
-        w, damping = 2 * math.pi * f * slower, damping * slower
+        w, damping = 2 * math.pi * f * slower, min(damping * (1 + damper) * slower, VirtualAxis.LARGEST_ZETA)
         pole = w * complex(-damping, math.sqrt(1 - damping**2))
         poles.append(pole)
         weights.append(-2 * share * (w**2 / (pole - pole.conjugate())) / pole)

@@ -267,7 +267,7 @@ class Effect:
     part_of: PartOf | None = None
     """The effect of which it is a part; None where it is no part of another."""
     reads: Callable[[Params, AxisModel], str] | None = None
-    """Its parameters as a person would say them, where the names do not."""
+    """Its parameters as a person would say them, where the names do not; empty where there is nothing to say."""
 
     seen_as: Literal["lines", "band", "grid", "speed"] | None = None
     """How the gap finds a disturbance: lines at the mains, a band of the spectrum, a grid of values, noise that grows

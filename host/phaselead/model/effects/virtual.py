@@ -33,6 +33,8 @@ class VirtualAxis:
     """Of the effect that is telling."""
     has_modes = False
     """Whether an effect has asked for modes."""
+    LARGEST_ZETA = 0.99
+    """Of a mode that a load damps: more than that rings nothing."""
 
     def __init__(self, model: AxisModel, where: str) -> None:
         self.model = model
@@ -67,8 +69,9 @@ class VirtualAxis:
         """y = (1 - sum c) x + sum c w^2 / (s^2 + 2 zeta w s + w^2) x."""
         _refuse()
 
-    def load(self, mass: float, others: float) -> None:
-        """The largest mode carries 1 + mass of its own mass, each other one 1 + others mass."""
+    def load(self, mass: float, damping: float, others: float) -> None:
+        """The largest mode carries 1 + mass of its own mass and has 1 + damping of its damping force, each other one 1
+        + others mass and 1 + others damping."""
         _refuse()
 
     def slew(self, per_s: float, loop_s: float) -> None:
