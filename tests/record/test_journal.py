@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from phaselead.errors import BadInput
-from phaselead.record.journal import JournalWriter, read_journal
+from phaselead.record.journal import JournalWriter, is_being_written, read_journal
 
 from recordings import assert_one_line  # isort: skip
 
@@ -119,3 +119,16 @@ def test_any_bytes_are_read_or_refused(
         read_journal(path)
     except BadInput as refusal:
         assert_one_line(refusal)
+
+
+def test_a_journal_is_being_written_until_it_is_closed_or_its_process_is_gone(tmp_path: Path) -> None:
+    path = tmp_path / "a.journal"
+    assert not is_being_written(path)
+    with JournalWriter(path, {}):
+        assert is_being_written(path)
+    assert not is_being_written(path)
+    dies = (
+        f"import os; from phaselead.record import JournalWriter as W; w = W({str(tmp_path / 'b')!r}, {{}}); os._exit(9)"
+    )
+    assert subprocess.run([sys.executable, "-c", dies], check=False).returncode == 9
+    assert not is_being_written(tmp_path / "b")

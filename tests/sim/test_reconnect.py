@@ -132,6 +132,23 @@ def test_a_run_that_is_broken_off_says_so_and_is_not_written_as_if_whole(device,
     assert facts["ended"] == "broken off"
 
 
+def test_the_journal_of_a_run_that_goes_on_is_left_to_it(device, tmp_path):
+    output, other = tmp_path / "run.h5", tmp_path / "other.h5"
+    said = []
+
+    def recover():
+        with pytest.raises(pl.BadInput, match="still goes on") as caught:
+            recover_run(f"{output}.journal", str(other))
+        said.append(str(caught.value))
+
+    track_to_file(
+        device, SINE, "open", output=str(output), duration_s=0.5, on_progress=pull_after(device, 0.5, recover)
+    )
+    assert said
+    assert output.exists()
+    assert not other.exists()
+
+
 def test_a_record_that_ends_in_a_fault_says_where_it_is(device, tmp_path):
     output = tmp_path / "run.h5"
     slept = pull_after(device, 0.5, lambda: line_of(device).let_pass(30.0))

@@ -34,6 +34,7 @@ from phaselead.record import (
     Recording,
     Samples,
     check_output,
+    is_being_written,
     read_hdf5,
 )
 from phaselead.waveforms import Waveform
@@ -329,9 +330,11 @@ def recover_run(journal_path: str, output: str) -> dict[str, Any]:
     The recording cannot be replayed, only read. The journal is removed once the recording is written.
 
     Raises:
-        BadInput: no journal, of another version, or without a single batch of samples.
+        BadInput: no journal, of another version, without a single batch of samples, or of a run that still goes on.
     """
     check_output(output, suffixes=RUN_SUFFIXES, inputs=[journal_path])
+    if is_being_written(journal_path):
+        raise BadInput(f"{journal_path}: its run still goes on; let it end, or stop it with Ctrl-C first")
     facts = convert(journal_path, output)
     os.remove(journal_path)
     return facts

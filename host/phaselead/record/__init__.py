@@ -23,7 +23,7 @@ from phaselead.record.glitches import glitch_doubts
 from phaselead.record.growing import Hdf5Parts, hdf5_in_parts
 from phaselead.record.hdf5 import read_hdf5, write_hdf5
 from phaselead.record.importing import Imported, import_files, import_names
-from phaselead.record.journal import Entry, JournalReader, JournalWriter, read_journal
+from phaselead.record.journal import Entry, JournalReader, JournalWriter, is_being_written, read_journal
 from phaselead.record.overlap import same_measurement
 from phaselead.record.plausible import doubts_about, seem_exchanged, times_in
 from phaselead.record.read import read_recording, refuse_map_of_some, scored_alone, split_argument
@@ -70,6 +70,7 @@ __all__ = [
     "import_files",
     "import_names",
     "in_another_unit",
+    "is_being_written",
     "is_special",
     "own_header",
     "parse_axes",

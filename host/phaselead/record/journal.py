@@ -15,9 +15,14 @@ import struct
 import zlib
 from collections.abc import Iterator
 from types import TracebackType
-from typing import Any, NamedTuple, Self
+from typing import IO, Any, NamedTuple, Self
 
 from phaselead.errors import BadInput
+
+try:
+    import fcntl
+except ImportError:  # Windows, where a file that is open cannot be removed
+    fcntl = None  # type: ignore[assignment]
 
 MAGIC = b"phaselead-journal "
 VERSION = 1
@@ -35,7 +40,7 @@ class Entry(NamedTuple):
 
 
 class JournalWriter:
-    """Appends entries to a new journal. Refuses to write over a file that exists."""
+    """Appends entries to a new journal, locked while it is written. Refuses to write over a file that exists."""
 
     def __init__(self, path: str | os.PathLike[str], header: dict[str, Any]) -> None:
         text = json.dumps(header, separators=(",", ":")).encode()
@@ -48,6 +53,7 @@ class JournalWriter:
             ) from None
         except OSError as error:
             raise BadInput(f"{path}: cannot be written ({error.strerror}); give a writable place") from None
+        _locked(self._file)
         try:
             self._write(line)
         except BaseException:
@@ -88,6 +94,28 @@ class JournalWriter:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()
+
+
+def is_being_written(path: str | os.PathLike[str]) -> bool:
+    """Whether a run has the journal open and still writes it; False where the system does not tell."""
+    try:
+        with open(path, "rb") as file:
+            return not _locked(file)
+    except OSError:
+        return False
+
+
+def _locked(file: IO[bytes]) -> bool:
+    """Locks an open file, for as long as it is open or its process lives. False where another one has locked it."""
+    if fcntl is None:
+        return True
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    except OSError:  # a file system without locks
+        return True
+    return True
 
 
 def is_journal(content: bytes) -> bool:
