@@ -33,6 +33,7 @@ from phaselead.model import (
     LoopFilter,
     SmallSignal,
     Stage,
+    TimeView,
     parse_stage,
     save_stage,
     stage_text,
@@ -532,3 +533,14 @@ def test_it_prints_saves_and_draws(tuned: pl.Tuned, tmp_path) -> None:  # type: 
     pl.write_report(tuned, tmp_path / "page.html")
     assert "Has the loop its margin?" in (tmp_path / "page.html").read_text()
     assert tuned.as_dict()["measured"]["bandwidth_Hz"] == tuned.closed.bandwidth_Hz
+
+
+@pytest.mark.parametrize(("at_um", "stands_there"), [(-30.0, False), (40.0, True), (150.0, False)])
+def test_a_stage_that_stands_where_the_model_cannot_is_told(at_um: float, stands_there: bool) -> None:
+    view = TimeView(gain_um_per_V=10.0, u_range_V=(0.0, 8.0), rate_Hz=5000.0)
+    model = AxisModel(time=view)
+    if stands_there:
+        course._refuse_elsewhere("x", at_um, 4.0, model)
+    else:
+        with pytest.raises(BadInput, match=f"x: at 4 V the stage stands at {at_um:g} um.*another stage"):
+            course._refuse_elsewhere("x", at_um, 4.0, model)

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import os
+import warnings
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from typing import Any, Unpack
 
 from phaselead.control.converting import ANSWERED, RECEIVED, convert
-from phaselead.control.rehearsal import OnRehearsed, Predicted, rehearse
+from phaselead.control.rehearsal import OnRehearsed, Predicted, rehearse, unlike_predicted
 from phaselead.control.room import refuse_without_room
 from phaselead.control.run import Run
 from phaselead.control.run_away import tell_of
@@ -236,6 +237,8 @@ def track_to_file(
             _add(fault, output and _kept_in(output))
             raise
         file.write(run.capture, run.recording, run.true_um)
+    for line in unlike_predicted(run, predicted, stage):
+        warnings.warn(line, stacklevel=2)
     return run.with_predicted({axis: vars(one) for axis, one in predicted.items()})
 
 

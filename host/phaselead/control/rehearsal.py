@@ -16,6 +16,7 @@ import numpy as np
 from phaselead.control.modes import INVERTS
 from phaselead.control.motion_limits import first_mode_Hz, rests_unseen
 from phaselead.control.path_speed import beyond_slew, hardest, refuse_voltage_too_fast
+from phaselead.control.run import Run
 from phaselead.control.tracking import check_paths, default_duration_s, track
 from phaselead.device import TICK_HZ, Capture, Converters, Device, DeviceFault, converters, device_model
 from phaselead.errors import BadInput, DeviceRefused
@@ -58,6 +59,10 @@ class Predicted:
             part = f", in {'its first' if not later else 'the'} {self.first_s:g} s{later}"
         return f"{axis}: on the model off by at most {self.max_um:.3g} um ({self.max_pct:.2g} %){part}"
 
+
+FAR_OFF = 10.0
+"""Times what the model said, and left of its own records, from which a run is remarked on: chosen, well above what
+creep, noise and another way of driving add."""
 
 OnRehearsed = Callable[[Mapping[str, Predicted]], None]
 """Is given what the rehearsal says of each axis, nothing of paths without one, before anything moves."""
@@ -115,6 +120,23 @@ def rehearse(
 
         found = _nearest(waveforms[axis], works)
     raise BadInput(f"{axis}: on the model this {said}; {found}; or --force")
+
+
+def unlike_predicted(run: Run, predicted: Mapping[str, Predicted], stage: Stage | None) -> list[str]:
+    """One line for each axis that was left by far more than the model said, and than the model left of the records it
+    was fitted to. A zero that has moved is no such error; nothing is said of models that were fitted to nothing."""
+    found = []
+    for axis, figures in run.of_axes():
+        view = stage.axes[axis].time if stage is not None and axis in predicted else None
+        if view is None or not view.residual_um_rms:
+            continue
+        said_um, off_um = predicted[axis].max_um, figures["max_um_mean_removed"]
+        if off_um > FAR_OFF * (said_um + view.residual_um_rms):
+            found.append(
+                f"{axis}: off by up to {off_um:.3g} um where the model said {said_um:.3g}: the stage has changed, or "
+                "the model is of another; `phaselead verify` of this run says how they differ, `phaselead gap` why"
+            )
+    return found
 
 
 def trouble_on_model(

@@ -13,7 +13,7 @@ from phaselead.control.feedback_loop import goes_round_0, local_gains, pid_respo
 from phaselead.control.gains import MODE_SHIFT, PEAK_SENSITIVITY, WARN_ABOVE
 from phaselead.control.held import held_stage
 from phaselead.control.kept_runs import KeptRuns
-from phaselead.control.motion_limits import PATH_ROOM
+from phaselead.control.motion_limits import PATH_ROOM, rests_unseen
 from phaselead.control.tuning.closed_check import refuse_closed
 from phaselead.control.tuning.excitation import Grid, multisine
 from phaselead.control.tuning.measured_model import with_modes
@@ -22,9 +22,18 @@ from phaselead.control.tuning.rehearsed import refuse_rehearsed
 from phaselead.control.tuning.response import REALISATIONS, Measured, Plan, measure
 from phaselead.control.tuning.result import ClosedLoop, Tuned
 from phaselead.control.tuning.shaping import GAIN_SHARE, Range, predicted, shape
-from phaselead.device import Device
+from phaselead.device import Device, inverse_refusal
 from phaselead.errors import BadInput
-from phaselead.model import TICK_S, AxisModel, Gains, SmallSignal, Stage, provenance_of, small_signal
+from phaselead.model import (
+    TICK_S,
+    AxisModel,
+    Gains,
+    SmallSignal,
+    Stage,
+    compensation,
+    provenance_of,
+    small_signal,
+)
 from phaselead.sim import data_sheet
 
 FINE = Plan(Grid.odd_random(8192, 290.0), settle_periods=1, periods=4)
@@ -85,6 +94,7 @@ def tune(
     _refuse_too_steep(axis, level_V, limits.slew_V_per_s)
     middle_V = (limits.u_min_V + limits.u_max_V) / 2 if middle_V is None else middle_V
     measured = _open_response(device, axis, parent, level_V, middle_V, kept, told)
+    _refuse_elsewhere(axis, measured.middle_um, middle_V, parent.axis(axis))
     fitted = _fitted(axis, measured, parent)
     local = local_range(parent.axis(axis), fitted.gain_um_per_V, gain_share)
     over = Range(local, mode_shift, peak, most_rate_V_per_um(parent.axis(axis)), most_V_per_um(local))
@@ -165,6 +175,19 @@ def _refuse_too_steep(axis: str, level_V: float, slew_V_per_s: float) -> None:
         raise BadInput(
             f"{axis}: a level of {level_V:g} V needs {level_V * steepest_per_s:.4g} V/s, the slew limit is "
             f"{slew_V_per_s:g} V/s; choose a --level of up to {math.floor(1e3 * slew_V_per_s / steepest_per_s):g} mV"
+        )
+
+
+def _refuse_elsewhere(axis: str, at_um: float, middle_V: float, model: AxisModel) -> None:
+    """Where the stage stands nowhere that the model has it stand, whatever was before."""
+    if inverse_refusal(model, axis) is not None or rests_unseen(model) is not None:
+        return
+    low_um, high_um = compensation(model).reach_um
+    if not low_um <= at_um <= high_um:
+        raise BadInput(
+            f"{axis}: at {middle_V:g} V the stage stands at {at_um:.4g} um, where the model says {low_um:.4g} to "
+            f"{high_um:.4g} um over its whole range: it is the model of another stage, or the zero has moved; "
+            "`phaselead identify` makes one of this stage"
         )
 
 
