@@ -18,6 +18,7 @@ IN_SECONDS: Mapping[str, float] = {"": 1.0, "s": 1.0, "ms": 1e-3, "min": 60.0}
 VOLTS: Mapping[str, float] = {"V": 1.0, "mV": 1e-3}
 """A voltage says its unit: 500 may be meant as either."""
 HERTZ: Mapping[str, float] = {"": 1.0, "Hz": 1.0, "kHz": 1e3, "mHz": 1e-3}
+V_PER_S: Mapping[str, float] = {"V/s": 1.0, "V/ms": 1e3, "mV/s": 1e-3}
 UM_PER_S: Mapping[str, float] = {"": 1.0, "um/s": 1.0, "mm/s": 1e3}
 UM: Mapping[str, float] = {"": 1.0, "um": 1.0, "nm": 1e-3, "mm": 1e3}
 PURE: Mapping[str, float] = {"": 1.0}
@@ -36,7 +37,7 @@ def numbers(name: str, text: str | None, units: Mapping[str, float]) -> list[flo
         return None
     found: list[float] = []
     unit = ""
-    for part in reversed(text.split(",")):
+    for part in reversed(text.replace("\N{MICRO SIGN}", "u").replace("\N{GREEK SMALL LETTER MU}", "u").split(",")):
         written = part.strip()
         match = re.fullmatch(r"([^a-zA-Z%]*(?:[eE][+-]?\d+)?)\s*([a-zA-Z%][a-zA-Z/]*)?", written)
         unit = match[2] or unit if match else unit

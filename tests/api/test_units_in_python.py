@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import phaselead as pl
-from phaselead.quantity import IN_SECONDS, SHARES, UM, UM_PER_S, VOLTS, quantities, quantity
+from phaselead.quantity import IN_SECONDS, SHARES, UM, UM_PER_S, V_PER_S, VOLTS, quantities, quantity
 
 
 @pytest.mark.parametrize(
@@ -24,6 +24,8 @@ from phaselead.quantity import IN_SECONDS, SHARES, UM, UM_PER_S, VOLTS, quantiti
         ("1", IN_SECONDS, 1.0),
         ("5 %", SHARES, 0.05),
         ("-1.5mm/s", UM_PER_S, -1500.0),
+        ("90µm", UM, 90.0),
+        ("0.5V/ms", V_PER_S, 500.0),
     ],
 )
 def test_a_number_or_text_with_a_unit(value: Any, units: dict[str, float], found: float | None) -> None:

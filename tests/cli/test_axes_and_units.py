@@ -63,6 +63,9 @@ def test_python_names_axes_alike():
         (("tune", "-o", "t.toml", "--middle", "4,5V"), "give one number"),
         (("identify", "-o", "i.toml", "--levels", "500,250"), "250 has no unit; write 250V or 250mV"),
         (("identify", "-o", "i.toml", "--u-max", "5"), "5 has no unit"),
+        (("limits", "--axis", "x", "--u-max", "8"), "8 has no unit; write 8V or 8mV"),
+        (("limits", "--axis", "x", "--slew", "500"), "500 has no unit; write 500V/s or 500V/ms or 500mV/s"),
+        (("limits", "--axis", "x", "--x-max", "8V"), "'8V' is no number with a unit of um"),
         (("identify", "-o", "i.toml", "--u-max", "1e400V"), "'1e400V' is no finite number with a unit of V or mV"),
     ],
 )

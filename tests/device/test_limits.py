@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from phaselead.control import connect
-from phaselead.device.limits import UNLIMITED, AxisLimits, in_codes, in_units, written_limit
+from phaselead.device.limits import UNLIMITED, AxisLimits, in_codes, in_units
 from phaselead.device.quantities import Converters
 from phaselead.errors import BadInput, DeviceRefused
 from phaselead.sim.plant import built_in
@@ -58,27 +58,6 @@ def test_nothing_asked_is_nothing_limited():
 def test_limits_that_make_no_sense(limits, words):
     with pytest.raises(BadInput, match=words):
         in_codes(limits, CONVERTER)
-
-
-@pytest.mark.parametrize(
-    ("text", "unit", "value"),
-    [
-        ("8V", "V", 8),
-        ("-500 mV", "V", -0.5),
-        ("8", "V", 8),
-        ("1e3V/s", "V/s", 1000),
-        ("90µm", "um", 90),
-        ("50nm", "um", 0.05),
-    ],
-)
-def test_how_a_limit_may_be_written(text, unit, value):
-    assert written_limit(text, unit) == pytest.approx(value)
-
-
-@pytest.mark.parametrize(("text", "unit"), [("8um", "V"), ("V", "V"), ("8 V s", "V/s"), ("", "um"), ("nan", "V")])
-def test_how_it_may_not(text, unit):
-    with pytest.raises(BadInput, match="no limit in"):
-        written_limit(text, unit)
 
 
 def test_what_is_left_out_stays_and_other_axes_too(tmp_path):

@@ -20,7 +20,7 @@ def demo(
     say: Callable[[str], None] = print,
     on_progress: Callable[[float], None] | None = None,
 ) -> Path:
-    """The whole story on the built-in stage: identify, fit, verify, upload, track, record, replay. About a minute.
+    """The whole story on the built-in stage: identify, fit, verify, upload, track, record, replay. One to four minutes.
 
     Keeps every file in the folder ``out`` and returns the path of the report; ``say`` is given a line per chapter.
     Raises BadInput where the folder holds anything already, unless ``overwrite``, PhaseleadError when a step fails.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import click
@@ -10,25 +10,29 @@ import click
 from phaselead.cli.common import axes_option, emit, forgotten, json_option, port_option
 from phaselead.cli.listing import top_level
 from phaselead.control import connect
-from phaselead.device import written_limit
+from phaselead.quantity import UM, V_PER_S, VOLTS, number
 
 
-def limit_option(name: str, unit: str, text: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+def limit_option(
+    name: str, units: Mapping[str, float], text: str
+) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """An option for a limit in the first of the ``units`` that has a name."""
+
     def parsed(_context: click.Context, _parameter: click.Parameter, value: str | None) -> float | None:
-        return None if value is None else written_limit(value, unit)
+        return number(name, value, units)
 
-    return click.option(name, metavar=unit, callback=parsed, help=text)
+    return click.option(name, metavar=next(filter(None, units)), callback=parsed, help=text)
 
 
 @top_level(order=65)
 @click.command()
 @port_option
 @axes_option
-@limit_option("--u-min", "V", "Lowest output.")
-@limit_option("--u-max", "V", "Highest output.")
-@limit_option("--slew", "V/s", "Fastest output.")
-@limit_option("--x-min", "um", "Lowest position: of a set-point, and of an axis that follows a path.")
-@limit_option("--x-max", "um", "Highest position.")
+@limit_option("--u-min", VOLTS, "Lowest output.")
+@limit_option("--u-max", VOLTS, "Highest output.")
+@limit_option("--slew", V_PER_S, "Fastest output.")
+@limit_option("--x-min", UM, "Lowest position: of a set-point, and of an axis that follows a path.")
+@limit_option("--x-max", UM, "Highest position.")
 @click.option("--none", "remove", is_flag=True, help="No limits for this axis but those given with it.")
 @json_option
 def limits(

@@ -11,7 +11,7 @@ from phaselead.device.fault_log import FaultLog, read_fault_log
 from phaselead.device.flash import flash_board, flash_by_wire
 from phaselead.device.framing import FrameReader, encode_frame
 from phaselead.device.left_running import IDS_RESERVED, LeftRunning, recall, remember
-from phaselead.device.limits import AxisLimits, Limits, held_back, looser_than, read_limits, set_limits, written_limit
+from phaselead.device.limits import AxisLimits, Limits, held_back, looser_than, read_limits, set_limits
 from phaselead.device.live import Live, LiveAxis, LiveSamples
 from phaselead.device.loop_test import SelfTest, selftest
 from phaselead.device.motion import AxisWhere, MotionLimits, Where
@@ -114,5 +114,4 @@ __all__ = [
     "status_in_units",
     "wire",
     "write_run",
-    "written_limit",
 ]

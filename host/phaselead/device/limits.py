@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from dataclasses import asdict, dataclass, fields, replace
 from typing import Any
 
@@ -23,21 +22,6 @@ ROUNDED = 1e-4
 """Of a limit, at most, by which its code lies inwards: a code of the default converter is 0.31 mV."""
 ROUNDING = 1e-6
 """Of a code: what a value that is exactly a code may be off by in floating point."""
-_NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(\S*)\s*")
-_UNITS = {
-    "V": {"": 1.0, "V": 1.0, "mV": 1e-3},
-    "V/s": {"": 1.0, "V/s": 1.0, "V/ms": 1e3, "mV/s": 1e-3},
-    "um": {"": 1.0, "um": 1.0, "µm": 1.0, "μm": 1.0, "nm": 1e-3, "mm": 1e3},
-}
-
-
-def written_limit(text: str, unit: str) -> float:
-    """A limit as it is written ("8V", "500 V/s", "90um", "8") in ``unit``: V, V/s or um. Raises BadInput."""
-    match = _NUMBER.fullmatch(text)
-    factor = _UNITS[unit].get(match[2]) if match else None
-    if match is None or factor is None:
-        raise BadInput(f"{text!r} is no limit in {unit}; write a number and its unit, e.g. 8{unit}")
-    return float(match[1]) * factor
 
 
 @dataclass(frozen=True)

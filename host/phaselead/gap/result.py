@@ -220,6 +220,7 @@ class GapResult(Result):
         floor = f"floor {gap.floor:.4g} ({gap.floor_from})"
         about = "each record about its own mean"
         parts.append(f"held-out gap {gap.before:.4g} -> {gap.after:.4g} {gap.unit} rms, {about}; {floor}")
+        parts += self._stays_in_gap()
         if self.unexplained is not None and self.unexplained.something_missing:
             parts.append(self.unexplained_sentence)
         if self.advice:
@@ -236,6 +237,11 @@ class GapResult(Result):
             parts.append(_experiment_text(self.next_experiment))
         tracked = [] if self.verification is None else self.verification.tables()
         return [*parts, *self.messages, *tracked]
+
+    def _stays_in_gap(self) -> list[str]:
+        """Which of the named effects no model takes out of the gap."""
+        names = [effect.name for effect in self.effects if catalogue()[effect.name].seen_as is not None]
+        return [f"no voltage predicts {' or '.join(names)}: that stays in the gap"] if names else []
 
     def why_untestable(self, name: str) -> str:
         """Why these records say nothing of an effect, and which would; for one that another stands for, none would."""

@@ -8,7 +8,7 @@ from pathlib import PurePath
 from typing import TYPE_CHECKING, Any, get_args
 
 from phaselead.errors import BadInput, more_like_it
-from phaselead.identify.runs import usable
+from phaselead.identify.runs import SAME_RATE, usable
 from phaselead.identify.simple_changes import Size
 from phaselead.identify.verification import Verification, View, verification_dict, verify
 from phaselead.model import Stage, driven_far_beyond, in_other_times, out_of_scale, scale_doubt
@@ -123,9 +123,26 @@ def judge(
         raise BadInput("no recordings to verify the model on; give at least one file")
     kept, left_out = usable(recordings)
     found = verify(stage, kept, view, refit_offset=refit_offset)
-    doubts = [*in_other_times(stage, kept), *driven_far_beyond(stage, kept)]
+    doubts = [*in_other_times(stage, kept), *_at_another_rate(stage, kept), *driven_far_beyond(stage, kept)]
     doubts += [*glitch_doubts(kept), *_out_of_scale(found), *_about_starts(found)]
     return Verifications(found, view, model, stage.sha256, left_out, doubts)
+
+
+def _at_another_rate(stage: Stage, recordings: Sequence[Recording]) -> list[str]:
+    """Records at another sampling rate than that of the model, in one line for all: what is held from row to row is
+    late by half a row, of which the delay of the model has its own."""
+    found = []
+    for recording in recordings:
+        rates_Hz = [axis.time.rate_Hz for name, axis in stage.axes.items() if name in recording.axes and axis.time]
+        if not rates_Hz or in_other_times(stage, [recording]) or abs(recording.rate_Hz / rates_Hz[0] - 1) <= SAME_RATE:
+            continue
+        late_s = (1 / recording.rate_Hz - 1 / rates_Hz[0]) / 2
+        when = f"{1e3 * abs(late_s):.3g} ms {'later' if late_s > 0 else 'earlier'}"
+        found.append(
+            f"{recording.source}: is sampled at {recording.rate_Hz:.6g} Hz, the model at {rates_Hz[0]:.6g} Hz: a "
+            f"voltage that is held from row to row comes {when} than the model says, for that alone"
+        )
+    return [found[0] + more_like_it(len(found) - 1)] if found else []
 
 
 def _out_of_scale(found: Sequence[Verification]) -> list[str]:
