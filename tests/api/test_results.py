@@ -193,3 +193,9 @@ def test_a_table_has_a_line_for_each_row(drawn: tuple[list[str], list[list[str]]
     assert table.html().count("<td") == len(rows) * len(headings)
     if any("<" in cell for row in rows for cell in row):
         assert "&lt;" in table.html()
+
+
+def test_what_was_read_one_by_one_is_taken_as_what_was_read_at_once(records: pl.Recordings) -> None:
+    one_by_one = [pl.read(record) for record in records]
+    assert pl.read(one_by_one) == records
+    assert pl.read([records, records[0]]) == [*records, records[0]]

@@ -27,8 +27,9 @@ class Recorded(Protocol):
     def recording(self) -> Recording: ...
 
 
-RecordLike = Recording | Recorded | str | os.PathLike[str]
-"""One recording: in memory, or a file's name, with a window (``"rec.csv@5:7"``) or a pattern (``"kept/*.h5"``)."""
+RecordLike = Recording | Recorded | Recordings | str | os.PathLike[str]
+"""One recording: in memory, or a file's name, with a window (``"rec.csv@5:7"``) or a pattern (``"kept/*.h5"``); or
+what was read before."""
 RecordsLike = RecordLike | Iterable[RecordLike]
 MapLike = str | Mapping[str, int | tuple[int, float]]
 """Columns of a file without our header, counted from 1: ``"u_V=1,x_um=3*1e6"`` or ``{"u_V": 1, "x_um": (3, 1e6)}``."""
@@ -58,6 +59,8 @@ def _gathered(records: Sequence[RecordLike], columns: ColumnMap | None, rate_Hz:
     for one in records:
         if isinstance(one, Recording):
             found.append(one)
+        elif isinstance(one, Recordings):
+            found += one
         elif isinstance(one, Recorded):
             found.append(one.recording)
         elif isinstance(one, str | os.PathLike):
