@@ -208,6 +208,38 @@ def test_a_part_is_tied_with_no_effect_that_may_not_be_named():
     assert [claim.tied for claim in judge(scaled_by(0.004, both)).claims] == [("gain_change",), (BEND,)]
 
 
+MODE_HZ = 217.0
+
+
+def with_a_mode(c, zeros_Hz, looked_at=()):
+    """A contest in which a mode of these zeros was found, 60 log units above nothing; its frequency is known to 0.1
+    %."""
+    made = contest({(): 0.0, ("resonance",): 60.0})
+    entry = (effect("resonance"), {"c": c, "f_Hz": zeros_Hz * (1 - c) ** 0.5 if c < 1 else zeros_Hz, "zeta": 0.02})
+    fits = {names: replace(fit, terms=terms_of([entry] * len(names))) for names, fit in made.fits.items()}
+    effects = [*map(effect, looked_at), *made.starts.effects][:CATALOGUE]
+    return replace(made, fits=fits, starts=Made(effects=effects))
+
+
+@given(st.floats(-0.5, 0.9), st.floats(-0.1, 0.1))
+def test_a_mode_in_the_place_of_another_is_that_one_changed(c, off):
+    """Its zeros take away the mode that the model has. With what changes modes it is tied; else it has no name."""
+    zeros_Hz, modes = MODE_HZ * exp(off), [(0.02, 672.0, 0.03), (0.98, MODE_HZ, 0.03)]
+    in_its_place = abs(off) <= 1.96 * np.hypot(1e-3, 0.5e-3 / (1 - c))
+    if abs(abs(off) / (1.96 * np.hypot(1e-3, 0.5e-3 / (1 - c))) - 1) < 0.01:
+        return
+    (claim,) = judge(with_a_mode(c, zeros_Hz, ("load_change",)), modes=modes).claims
+    assert claim.tied == (("resonance", "load_change") if in_its_place else ("resonance",))
+    alone = judge(with_a_mode(c, zeros_Hz), modes=modes)
+    assert len(alone.claims) == (not in_its_place)
+    assert alone.something_unnamed == in_its_place
+
+
+@pytest.mark.parametrize(("c", "modes"), [(1.0, [(1.0, MODE_HZ, 0.02)]), (1.5, [(1.0, MODE_HZ, 0.02)]), (0.1, [])])
+def test_a_mode_without_zeros_or_of_a_stage_without_modes_is_in_no_other_s_place(c, modes):
+    assert [claim.tied for claim in judge(with_a_mode(c, MODE_HZ), modes=modes).claims] == [("resonance",)]
+
+
 def test_what_the_catalogue_does_not_confuse_is_no_tie():
     assert not judge(contest({(): 0.0, ("delay",): 30.0, ("gain_change",): 30.0})).claims
     assert judge(contest({(): 0.0, ("delay",): 30.0, ("sensor_lowpass",): 30.0})).claims

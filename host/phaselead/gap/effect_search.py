@@ -28,7 +28,7 @@ from phaselead.gap.posterior import (
     shows_itself,
 )
 from phaselead.gap.records import GapRun
-from phaselead.gap.residual import modelled_run
+from phaselead.gap.residual import base_modes, modelled_run
 from phaselead.gap.savings import probability_by_chance, saved_by_block
 from phaselead.gap.selection import Selection, with_a_name
 from phaselead.model import AxisModel, Effect
@@ -66,7 +66,7 @@ def select_effects(
     likelihood = likelihood_of(of_runs, base_may_be_off=referenced or not frozen, open_plays=memory is not None)
     contest = search_sets(likelihood, [*left, *nameless], lambda share: on_progress(0.1 + 0.9 * share))
     names = frozenset(effect.name for effect in nameless)
-    judgement = judge(contest, names)
+    judgement = judge(contest, names, base_modes(base))
     claims, found = _estimated(contest, judgement, open_plays=memory is not None)
     # Where every claim was withdrawn, what it was for is still there.
     judged = replace(judgement, claims=with_a_name(judgement.claims, names) if claims else ())

@@ -24,6 +24,7 @@ from phaselead.model import (
     Chain,
     Entry,
     Extra,
+    Mode,
     Place,
     Stage,
     TimeView,
@@ -31,6 +32,7 @@ from phaselead.model import (
     plays,
     plays_after,
     rest_plays,
+    rewritten,
 )
 from phaselead.record import Recording, Samples
 
@@ -282,6 +284,12 @@ def power_um2(errors: Sequence[Samples]) -> float:
 def base_entries(axis: AxisModel) -> list[Entry]:
     """The effects that a model of an axis has, with their parameters."""
     return [(effect(one.name), one.params) for one in axis.effects]
+
+
+def base_modes(axis: AxisModel) -> list[Mode]:
+    """The modes of the mechanics that a model of an axis has, as its other effects change them."""
+    changed = rewritten([(one, one.complete(params)) for one, params in base_entries(axis)])
+    return [mode for one, params in changed if one.modes is not None for mode in one.modes(params)]
 
 
 @dataclass(frozen=True)

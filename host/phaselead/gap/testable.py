@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from phaselead.gap.residual import base_entries
+from phaselead.gap.residual import base_modes
 from phaselead.model import AxisModel, Effect
 from phaselead.quantity import digits
 
@@ -34,7 +34,7 @@ def shown_by(effects: Sequence[Effect], axis: AxisModel, step_s: float) -> tuple
 
 def _modes(axis: AxisModel) -> int:
     """Number of modes that a base has."""
-    return sum(len(one.modes(one.complete(params))) for one, params in base_entries(axis) if one.modes is not None)
+    return len(base_modes(axis))
 
 
 def responses(effects: Sequence[Effect], frozen: bool, referenced: bool) -> tuple[list[Effect], dict[str, str]]:

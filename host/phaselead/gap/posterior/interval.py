@@ -3,14 +3,23 @@ its most likely ones, and ending where the range of the catalogue ends."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from scipy.stats import chi2
 
 from phaselead.gap.error_rates import SURE, TWO_SIDED_95
 from phaselead.gap.findings import Estimate, Posterior
-from phaselead.gap.parameters import AT_END, SizedEffect, from_internal, internal, is_logarithmic, parameters_of
+from phaselead.gap.parameters import (
+    AT_END,
+    SizedEffect,
+    entries_at,
+    from_internal,
+    internal,
+    is_logarithmic,
+    parameters_of,
+)
 from phaselead.gap.posterior.contest import likelihood_of
 from phaselead.gap.posterior.moments import Integers
 from phaselead.gap.posterior.sets import Fit
@@ -76,6 +85,14 @@ def posteriors(entries: Sequence[SizedEffect], covariance: Samples) -> list[Post
         )
         for i, (_, params) in enumerate(entries)
     ]
+
+
+def deviation_of(size: Callable[[Sequence[SizedEffect]], float], fit: Fit) -> float:
+    """Standard deviation, to first order, of what follows from the parameters of a set."""
+    at = internal(fit.entries)
+    ends = [[size(entries_at(fit.entries, at + way * step)) for way in (1, -1)] for step in NUDGE * np.eye(len(at))]
+    slopes = np.array([(above - below) / (2 * NUDGE) for above, below in ends])
+    return math.sqrt(max(float(slopes @ fit.covariance @ slopes), 0.0))
 
 
 def intervals_alone(runs: Sequence[ModelledRun], entry: SizedEffect) -> dict[str, Estimate]:

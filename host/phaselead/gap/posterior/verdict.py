@@ -6,19 +6,20 @@ travel off, is a change of gain."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import math
+from collections.abc import Callable, Mapping, Sequence
 from collections.abc import Set as AbstractSet
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
-from phaselead.gap.error_rates import INSIDE, SURE
+from phaselead.gap.error_rates import INSIDE, SURE, TWO_SIDED_95
 from phaselead.gap.parameters import SizedEffect
 from phaselead.gap.posterior.contest import WITHIN, Contest
-from phaselead.gap.posterior.interval import names_borne
+from phaselead.gap.posterior.interval import deviation_of, names_borne
 from phaselead.gap.posterior.sets import Fit, Names, confused
-from phaselead.model import Effect
+from phaselead.model import Effect, Mode
 
 MORE_LIKELY_THAN_NOT = 0.5
 """Probability from which the nearest set is no more than that, and names nothing."""
@@ -73,10 +74,11 @@ class Judgement:
         return more > (SURE if claimed else INSIDE)
 
 
-def judge(contest: Contest, nameless: AbstractSet[str] = frozenset()) -> Judgement:
+def judge(contest: Contest, nameless: AbstractSet[str] = frozenset(), modes: Sequence[Mode] = ()) -> Judgement:
     """Names and ties: an effect that is sure is named, the smallest group of rivals that is sure together is tied, and
     what is sure but may be a part of another effect is tied with that. Neither where the nearest set is probably no
-    more than that. Effects that are ``nameless`` are no part of another.
+    more than that. Effects that are ``nameless`` are no part of another. ``modes``: those that the model has; an effect
+    that is in the place of one is tied with what changes such a mode, and has no name where that was not looked at.
     """
     sets = _Sets.of(contest)
     best = sets.best
@@ -86,9 +88,15 @@ def judge(contest: Contest, nameless: AbstractSet[str] = frozenset()) -> Judgeme
     for effect, params in contest.fits[best].entries:
         rivals = {n: other for n, other in effects.items() if n not in best and confused(effect, other)}
         claim = _claim(sets, effect, rivals)
-        if claim is not None and nearest_only <= MORE_LIKELY_THAN_NOT:
-            whole = _whole(contest, effect, params) if effect.name not in nameless else None
-            claims.append(claim if whole is None else _tied_with(sets, claim, whole, best))
+        if claim is None or nearest_only > MORE_LIKELY_THAN_NOT:
+            continue
+        changed = _changed(contest.fits[best], effect, modes)
+        if changed is not None and changed not in contest.names:
+            continue
+        whole = _whole(contest, effect, params) if effect.name not in nameless else None
+        for other in filter(None, (changed, whole)):
+            claim = _tied_with(sets, claim, other, best)
+        claims.append(claim)
     return Judgement(contest.fits[best], tuple(claims), sets.single, sets.probability, sets.borne, nearest_only)
 
 
@@ -190,6 +198,22 @@ def _whole(contest: Contest, effect: Effect, params: Mapping[str, float]) -> str
     if whole is None or whole.effect not in contest.names:
         return None
     return whole.effect if abs(params[effect.sizes[0].name]) <= whole.up_to else None
+
+
+def _changed(fit: Fit, effect: Effect, modes: Sequence[Mode]) -> str | None:
+    """The effect that changes one of the ``modes`` of the model, where one of a set may be in the place of such a mode;
+    None where it surely is not."""
+    in_place = effect.in_place_of
+    if in_place is None or not modes:
+        return None
+
+    def apart(entries: Sequence[SizedEffect]) -> float:
+        return in_place.apart(next(params for one, params in entries if one.name == effect.name), modes)
+
+    off = apart(fit.entries)
+    if not math.isfinite(off):
+        return None
+    return in_place.effect if abs(off) <= TWO_SIDED_95 * deviation_of(apart, fit) else None
 
 
 def _tied_with(sets: _Sets, claim: Claim, name: str, best: Names) -> Claim:

@@ -177,6 +177,17 @@ class PartOf:
     """Size up to which the part is expected there. A size alone is no evidence, so up to it the two are tied."""
 
 
+@dataclass(frozen=True)
+class InPlaceOf:
+    """A change of what the model has, in whose place an effect of its own can stand."""
+
+    effect: str
+    """That makes such changes."""
+    apart: Callable[[Params, Sequence[Mode]], float]
+    """How far, by the logarithm of a frequency, the effect is from putting itself in the place of one of the modes that
+    the model has."""
+
+
 ModePart = Literal["own path", "coupling", "level"]
 """Of modes that axes share: what an actuator does at its own axis, at the others, and how its level moves the modes."""
 
@@ -266,6 +277,8 @@ class Effect:
     """The effect that stands for it where one axis alone is seen, which cannot tell the two apart; None: itself."""
     part_of: PartOf | None = None
     """The effect of which it is a part; None where it is no part of another."""
+    in_place_of: InPlaceOf | None = None
+    """What the effect may be in the place of; None where it takes away nothing that the model has."""
     reads: Callable[[Params, AxisModel], str] | None = None
     """Its parameters as a person would say them, where the names do not; empty where there is nothing to say."""
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -13,6 +14,7 @@ from phaselead.model.effects.interface import (
     STOOD_OFF,
     CheckedParameters,
     Effect,
+    InPlaceOf,
     Parameter,
     Params,
     Picture,
@@ -100,6 +102,15 @@ def virtual(axis: VirtualAxis, given: CheckedParameters) -> None:
     axis.modes(c, f_Hz, zeta)
 
 
+def from_a_known_mode(params: Params, known: Sequence[Mode]) -> float:
+    """How far the zeros of a single mode are from the nearest of the modes that the model has: where they meet, they
+    take that mode away, and this one stands in its place."""
+    ((c, f_Hz, _),) = modes(params)
+    if c >= 1 or not known:
+        return math.inf
+    return min((math.log(f_Hz / math.sqrt(1 - c) / one_Hz) for _, one_Hz, _ in known), key=abs)
+
+
 def undo_on_position(params: Params) -> Undone:
     if np.any(np.asarray(params.get("velocity", 0.0)) != 0):
         raise BadInput("its modes are shared with other axes and pass on velocity too, which is not undone")
@@ -130,6 +141,7 @@ EFFECT = Effect(
     "notch follows f_Hz, so a changed load needs a new fit.",
     apply=apply,
     shared_modes="own path",
+    in_place_of=InPlaceOf("load_change", from_a_known_mode),
     picture=Picture("response", {"c": 1.0, "f_Hz": 200.0, "zeta": 0.02}),
     basis=basis,
     before_record=before_record,
