@@ -408,3 +408,9 @@ def test_plays_that_reach_as_far_as_the_range_are_ordinary(name):
     reach = next(p for p in effect.parameters if p.name == "reach")
     assert not at_an_end([(effect, params | {"reach": reach.high})])
     assert at_an_end([(effect, params | {"reach": reach.low})])
+
+
+def test_what_is_in_the_place_of_a_mode_is_said():
+    modes = [(1.0, MODE_HZ, 0.03)]
+    assert judge(with_a_mode(0.1, MODE_HZ), modes=modes).in_place == ("resonance",)
+    assert judge(with_a_mode(0.1, 1.1 * MODE_HZ), modes=modes).in_place == ()

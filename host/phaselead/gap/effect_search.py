@@ -84,6 +84,7 @@ def select_effects(
         posteriors=found.posteriors,
         candidates=_candidates(contest, replace(judgement, claims=claims if all_named else ())),
         memory=memory,
+        in_place=judgement.in_place,
     )
 
 

@@ -50,6 +50,8 @@ class Selection:
     candidates: tuple[Candidate, ...] = ()
     """The sets that were compared last."""
     memory: Memory | None = None
+    in_place: tuple[str, ...] = ()
+    """Names of effects that are in the place of a mode that the base has."""
 
     @property
     def claims(self) -> tuple[Claim, ...]:
@@ -80,7 +82,10 @@ class Selection:
     @property
     def messages(self) -> list[str]:
         """Why what is there has no name, or cannot be told from a rival, for a person."""
-        said = []
+        said = [
+            f"{name} takes away a mode that the model has and puts another there: it is that mode, changed"
+            for name in self.in_place
+        ]
         for claim in self.found:
             names = " or ".join(name for name in claim.tied if name in self.nameless)
             if names:

@@ -65,6 +65,8 @@ class Judgement:
     """The names that each set bears."""
     nearest_only: float
     """Probability that no set is there: the nearest leaves more than its equations may miss."""
+    in_place: tuple[str, ...] = ()
+    """Names of effects of the most probable set that are in the place of something that the model has."""
 
     @property
     def something_unnamed(self) -> bool:
@@ -84,20 +86,24 @@ def judge(contest: Contest, nameless: AbstractSet[str] = frozenset(), modes: Seq
     best = sets.best
     nearest_only = 1 - sum(p * contest.fits[names].named for names, p in sets.probability.items())
     effects = {effect.name: effect for fit in contest.fits.values() for effect, _ in fit.entries}
-    claims = []
+    claims, in_place = [], []
     for effect, params in contest.fits[best].entries:
         rivals = {n: other for n, other in effects.items() if n not in best and confused(effect, other)}
         claim = _claim(sets, effect, rivals)
         if claim is None or nearest_only > MORE_LIKELY_THAN_NOT:
             continue
         changed = _changed(contest.fits[best], effect, modes)
-        if changed is not None and changed not in contest.names:
-            continue
+        if changed is not None:
+            in_place.append(effect.name)
+            if changed not in contest.names:
+                continue
         whole = _whole(contest, effect, params) if effect.name not in nameless else None
         for other in filter(None, (changed, whole)):
             claim = _tied_with(sets, claim, other, best)
         claims.append(claim)
-    return Judgement(contest.fits[best], tuple(claims), sets.single, sets.probability, sets.borne, nearest_only)
+    return Judgement(
+        contest.fits[best], tuple(claims), sets.single, sets.probability, sets.borne, nearest_only, tuple(in_place)
+    )
 
 
 @dataclass(frozen=True)
