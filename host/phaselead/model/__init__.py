@@ -66,7 +66,7 @@ from phaselead.model.inverse import (
     coupling,
 )
 from phaselead.model.linearised import SmallSignal, small_signal
-from phaselead.model.loop_filter import SECTIONS_IN_LOOP, LoopFilter
+from phaselead.model.loop_filter import SECTIONS_IN_LOOP, LoopFilter, roots_z
 from phaselead.model.operator import (
     NO_WEIGHT,
     DensityInC,
@@ -189,6 +189,7 @@ __all__ = [
     "rest_position_um",
     "resting_at",
     "rewritten",
+    "roots_z",
     "save_stage",
     "scale_doubt",
     "second_order_residual",

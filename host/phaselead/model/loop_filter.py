@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import cmath
+import math
 from typing import Annotated
 
-import numpy as np
 from pydantic import Field
 
 from phaselead.model.fields import NotNegative, Part, Positive
@@ -27,11 +28,13 @@ class LoopFilter(Part):
 
     def section(self) -> Section:
         """At the device's tick; poles and zeros are mapped as z = exp(s T)."""
-        zeros = _roots_z(self.zeros_Hz, self.zeros_zeta) if self.zeros_Hz else [0j]
-        return section_of(zeros, _roots_z(self.poles_Hz, self.poles_zeta))
+        zeros = roots_z(self.zeros_Hz, self.zeros_zeta) if self.zeros_Hz else (0j,)
+        return section_of(zeros, roots_z(self.poles_Hz, self.poles_zeta))
 
 
-def _roots_z(f_Hz: float, zeta: float) -> list[complex]:
-    w = 2 * np.pi * f_Hz
-    split = w * np.emath.sqrt(zeta**2 - 1)
-    return [complex(np.exp((-zeta * w + sign * split) * TICK_S)) for sign in (1, -1)]
+def roots_z(f_Hz: float, zeta: float) -> tuple[complex, complex]:
+    """The pair of roots of 1 + 2 zeta s/w + s^2/w^2 at the device's tick, mapped as z = exp(s T): real ones, or one the
+    conjugate of the other."""
+    w = 2 * math.pi * f_Hz
+    split = w * cmath.sqrt(zeta**2 - 1)
+    return cmath.exp((-zeta * w + split) * TICK_S), cmath.exp((-zeta * w - split) * TICK_S)

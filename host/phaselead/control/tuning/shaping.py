@@ -12,7 +12,6 @@ same gains.
 
 from __future__ import annotations
 
-import cmath
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -23,7 +22,7 @@ from numpy.typing import NDArray
 from phaselead.control.feedback_loop import BANDWIDTH, frequencies, peak_sensitivity, pid_response, plant_response
 from phaselead.control.tuning.plant import rings
 from phaselead.errors import BadInput
-from phaselead.model import TICK_S, Gains, LoopFilter, SmallSignal
+from phaselead.model import TICK_S, Gains, LoopFilter, SmallSignal, roots_z
 from phaselead.record import Samples
 
 Response = NDArray[np.complex128]
@@ -136,7 +135,7 @@ class _Controller:
 
     def __init__(self, values: Samples) -> None:
         ki, kp, kd = np.exp(values[:3])
-        filters = [(_roots_z(*row[:2]), _roots_z(*row[2:])) for row in np.exp(values[3:]).reshape(-1, 4).tolist()]
+        filters = [(roots_z(*row[:2]), roots_z(*row[2:])) for row in np.exp(values[3:]).reshape(-1, 4).tolist()]
         self.numerator, self.denominator = np.array([ki * TICK_S, kp, kd / TICK_S]), np.array([0.0, 1.0])
         for zeros, poles in filters:
             self.numerator = np.convolve(self.numerator, _with_roots(zeros))
@@ -349,12 +348,6 @@ class _Search:
 
 Roots = tuple[complex, complex]
 """In z, real or one the conjugate of the other."""
-
-
-def _roots_z(f_Hz: float, zeta: float) -> Roots:
-    w = 2 * math.pi * f_Hz
-    split = w * cmath.sqrt(zeta**2 - 1)
-    return cmath.exp((-zeta * w + split) * TICK_S), cmath.exp((-zeta * w - split) * TICK_S)
 
 
 def _with_roots(roots: Roots) -> list[float]:
