@@ -54,7 +54,7 @@ def run_demo(
 
 
 def _run(folder: Path, say: Say, step: Callable[[float], None]) -> Path:
-    say("identifying the built-in stage, three axes: most of one to four minutes")
+    say("identifying the three axes of the built-in stage, which takes most of the time: one to four minutes in all")
     with Device.open(PORT) as device:
         identified = identify_device(device, "xyz", lambda done: step(0.6 * done))
         build_id = device.hello.build_id.hex()

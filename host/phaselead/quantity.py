@@ -19,6 +19,7 @@ VOLTS: Mapping[str, float] = {"V": 1.0, "mV": 1e-3}
 """A voltage says its unit: 500 may be meant as either."""
 HERTZ: Mapping[str, float] = {"": 1.0, "Hz": 1.0, "kHz": 1e3, "mHz": 1e-3}
 V_PER_S: Mapping[str, float] = {"V/s": 1.0, "V/ms": 1e3, "mV/s": 1e-3}
+"""As a voltage. The first unit of each of these that has a name is the usual one."""
 UM_PER_S: Mapping[str, float] = {"": 1.0, "um/s": 1.0, "mm/s": 1e3}
 UM: Mapping[str, float] = {"": 1.0, "um": 1.0, "nm": 1e-3, "mm": 1e3}
 PURE: Mapping[str, float] = {"": 1.0}

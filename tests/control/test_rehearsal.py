@@ -1,6 +1,7 @@
 """Paths on the model before they are driven: what would end in a fault is refused while nothing has moved."""
 
 import re
+import warnings
 
 import numpy as np
 import pytest
@@ -87,6 +88,23 @@ def test_what_the_rehearsal_says_of_the_error_comes_true(tmp_path, wave, mode):
     assert said["x"].rms_um == pytest.approx(run.figures["rms_um"], rel=0.1)
     assert run.figures["predicted"] == vars(said["x"])
     assert said["x"].sentence("x").startswith(f"x: on the model off by at most {said['x'].max_um:.3g} um (")
+
+
+@pytest.mark.parametrize(("changed", "left_um", "said"), [(1.0, 0.02, False), (1.5, 0.02, True), (1.5, 0.0, False)])
+def test_a_run_that_is_left_by_far_more_than_its_model_said_is_remarked_on(tmp_path, changed, left_um, said):
+    """Of another stage, or one that has changed; a model that was fitted to nothing says nothing of its error."""
+    view = AXIS.time.model_copy(update={"residual_um_rms": left_um})
+    model = Stage(name="was", axes={"x": AXIS.model_copy(update={"time": view})})
+    now = view.model_copy(update={"gain_um_per_V": changed * view.gain_um_per_V})
+    virtual_stage(Stage(name="is", axes={"x": AXIS.model_copy(update={"time": now})})).save(tmp_path / "is.toml")
+    with pl.connect(f"sim://{tmp_path}/is.toml") as dev, warnings.catch_warnings(record=True) as found:
+        warnings.simplefilter("always")
+        run = dev.track("sine:10um@5Hz", mode="inverse", duration=0.6, model=model)
+    lines = [str(one.message) for one in found if "where the model said" in str(one.message)]
+    assert len(lines) == said
+    if said:
+        assert lines[0].startswith(f"x: off by up to {run.figures['max_um_mean_removed']:.3g} um about its mean")
+        assert f"{run.figures['predicted']['max_um']:.3g} at most" in lines[0]
 
 
 def test_each_axis_is_said_and_of_a_long_path_that_it_is_of_its_begin():

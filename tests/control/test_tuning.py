@@ -33,7 +33,6 @@ from phaselead.model import (
     LoopFilter,
     SmallSignal,
     Stage,
-    TimeView,
     parse_stage,
     save_stage,
     stage_text,
@@ -535,12 +534,13 @@ def test_it_prints_saves_and_draws(tuned: pl.Tuned, tmp_path) -> None:  # type: 
     assert tuned.as_dict()["measured"]["bandwidth_Hz"] == tuned.closed.bandwidth_Hz
 
 
-@pytest.mark.parametrize(("at_um", "stands_there"), [(-30.0, False), (40.0, True), (150.0, False)])
-def test_a_stage_that_stands_where_the_model_cannot_is_told(at_um: float, stands_there: bool) -> None:
-    view = TimeView(gain_um_per_V=10.0, u_range_V=(0.0, 8.0), rate_Hz=5000.0)
-    model = AxisModel(time=view)
-    if stands_there:
-        course._refuse_elsewhere("x", at_um, 4.0, model)
-    else:
-        with pytest.raises(BadInput, match=f"x: at 4 V the stage stands at {at_um:g} um.*another stage"):
-            course._refuse_elsewhere("x", at_um, 4.0, model)
+@pytest.mark.parametrize("at_um", [-60.0, 300.0])
+def test_a_stage_that_stands_where_the_model_cannot_is_told(monkeypatch: pytest.MonkeyPatch, at_um: float) -> None:
+    """Before a loop is shaped on what was measured."""
+    monkeypatch.setattr(course, "_open_response", lambda *_: Measured.__new__(Measured))
+    monkeypatch.setattr(Measured, "middle_um", at_um, raising=False)
+    with (
+        Device.open("sim://xyz250") as device,
+        pytest.raises(BadInput, match=f"x: at 4 V the stage stands at {at_um:g} um.*model of another stage"),
+    ):
+        course.tune(device, stage=built_in("xyz250"))

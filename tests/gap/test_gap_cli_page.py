@@ -108,6 +108,23 @@ def test_the_page_says_what_where_and_what_remains():
     assert "http" not in re.sub(r"<svg.*?</svg>", "", page, flags=re.DOTALL)
 
 
+def test_none_with_more_than_the_floor_left_says_why_effects_were_not_tested():
+    of_nothing = {"verdicts": ("none",), "effects": (), "ties": (), "adopted": (), "unexplained": None}
+    for gap, more in (((0.3, 0.3, 0.1), True), ((0.3, 0.15, 0.1), False), ((0.0, 0.0, 0.0), False)):
+        found = replace(result(), **of_nothing, gap=GapSize(*gap))
+        assert ("what they cannot show may be there" in str(found)) is more
+        assert ("needs idle records" in str(found)) is more
+        assert ("what they cannot show may be there" in text(gap_page(found, "model.toml"))) is more
+    assert "cannot show may be there" not in str(replace(result(), gap=GapSize(0.3, 0.3, 0.1)))
+
+
+def test_what_no_voltage_predicts_is_said_to_stay_in_the_gap():
+    hum = NamedEffect("mains_hum", {"sin1_um": (0.05, "um", (0.04, 0.06))}, 0.0, "lines at 50 Hz", 0.99)
+    drift = NamedEffect("thermal_drift", {"ramp_um_per_s": (0.05, "um/s", (0.04, 0.06))}, 0.0, "goes on", 0.99)
+    assert "no voltage predicts mains_hum: that stays in the gap" in str(replace(result(), effects=(hum, drift)))
+    assert "stays in the gap" not in str(result())
+
+
 def test_a_page_of_nothing():
     still = replace(
         result(), verdicts=("none",), effects=(), ties=(), excluded=(), untestable=(), where=(), next_experiment=None,

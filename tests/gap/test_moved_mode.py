@@ -7,6 +7,9 @@ import pytest
 from scipy.signal import cont2discrete, lfilter
 
 import phaselead as pl
+from phaselead.gap import run_gap
+from phaselead.model import catalogue
+from phaselead.report.gap import gap_page
 
 RATE_HZ, FINER = 5000.0, 4
 F_HZ, ZETA = 220.0, 0.03
@@ -80,4 +83,17 @@ def test_a_mode_that_moved_is_a_load_whatever_became_of_its_damping(reference, m
         assert low - 0.005 <= true <= high + 0.005
         assert value == pytest.approx(true, abs=0.02)
     assert found.gap.after < 0.05 * found.gap.before
-    assert f"is at {f_Hz:.0f}"[:-1] in found.in_words(load)
+    assert found.in_words(load).startswith(f"the mode at {F_HZ:g} Hz (zeta 0.03) is at ")
+    assert float(found.in_words(load).split(" is at ")[1].split()[0]) == pytest.approx(f_Hz, abs=0.5)
+    assert found.in_words(load) in gap_page(found, "model.toml")
+
+
+def test_where_loads_are_not_looked_for_the_mode_has_no_name(reference, model):
+    """A resonance whose zeros take the known mode away describes it, and is adopted without its name."""
+    others = tuple(name for name in catalogue() if name not in ("resonance", "delay", "gain_change"))
+    moved, again = session(2, 205.0), session(3, 205.0)
+    found = run_gap(model.model, moved, again, reference, without=others)
+    assert found.verdicts == ("unknown",)
+    assert [(one.name, one.status) for one in found.adopted] == [("resonance", "provisional")]
+    assert found.gap.after < 0.1 * found.gap.before
+    assert "resonance has its zeros where the model has a mode, so that it may be that mode, changed" in found.messages

@@ -2,6 +2,7 @@
 
 from phaselead.control.gains import design_gains, with_gains
 from phaselead.gap.adopt import next_stage
+from phaselead.gap.run import _gains_that_stay
 from phaselead.model.axis import AdoptedEffect, AxisModel, Gains, TimeView
 from phaselead.model.loop_filter import LoopFilter
 from phaselead.model.stage_file import Stage
@@ -26,6 +27,20 @@ def test_chosen_and_tuned_gains_and_none_stay():
     for gains in (own, tuned, None):
         before = Stage(name="s", axes={"x": axis(200.0, gains)})
         assert next_stage(before, {"x": axis(450.0, gains)}, []).axes["x"].gains == gains
+
+
+def test_what_the_next_model_says_against_gains_that_stay_is_told_once():
+    """Of an axis that changed, and not of what was so before."""
+    wild = Gains(kp_V_per_um=0.0, ki_V_per_um_s=60.0, kd_V_s_per_um=0.0)
+    calm = Gains(kp_V_per_um=0.0, ki_V_per_um_s=4.0, kd_V_s_per_um=0.0)
+    before = Stage(name="s", axes={"x": axis(200.0, calm), "y": axis(200.0, wild)})
+    assert not _gains_that_stay(before, before)
+    slower = before.axes["x"].model_copy(update={"effects": axis(20.0).effects})
+    (line,) = _gains_that_stay(before, before.model_copy(update={"axes": {**before.axes, "x": slower}}))
+    assert line.startswith("x: the loop on the model")
+    assert "chosen or tuned before; `phaselead tune`" in line
+    designed = with_gains(Stage(name="s", axes={"x": axis(200.0)}))
+    assert not _gains_that_stay(before, designed)
 
 
 def test_an_axis_without_gains_stays_so_beside_one_whose_gains_were_designed():

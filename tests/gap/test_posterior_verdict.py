@@ -235,7 +235,23 @@ def test_a_mode_in_the_place_of_another_is_that_one_changed(c, off):
     assert alone.something_unnamed == in_its_place
 
 
-@pytest.mark.parametrize(("c", "modes"), [(1.0, [(1.0, MODE_HZ, 0.02)]), (1.5, [(1.0, MODE_HZ, 0.02)]), (0.1, [])])
+def test_beside_the_effect_that_changes_modes_a_mode_is_its_own():
+    made = with_a_mode(0.1, MODE_HZ, ("load_change",))
+    both = tuple(sorted(("load_change", "resonance")))
+    load = (effect("load_change"), {"mass": 0.2, "damping": 0.1, "others": 1.0})
+    entries = [load, *made.fits[("resonance",)].entries]
+    known = 1e-6 * np.eye(len(parameters_of(entries)))
+    fit = replace(made.fits[("resonance",)], terms=terms_of(entries), log_evidence=90.0, log_evidence_fitted=60.0)
+    made = replace(made, fits={**made.fits, both: replace(fit, joint_covariance=known)})
+    found = judge(made, modes=[(1.0, MODE_HZ, 0.03)])
+    assert [claim.tied for claim in found.claims] == [("load_change",), ("resonance",)]
+    assert not found.in_place
+
+
+@pytest.mark.parametrize(
+    ("c", "modes"),
+    [(0.99999999, [(1.0, MODE_HZ, 0.02)]), (1.0, [(1.0, MODE_HZ, 0.02)]), (1.5, [(1.0, MODE_HZ, 0.02)]), (0.1, [])],
+)
 def test_a_mode_without_zeros_or_of_a_stage_without_modes_is_in_no_other_s_place(c, modes):
     assert [claim.tied for claim in judge(with_a_mode(c, MODE_HZ), modes=modes).claims] == [("resonance",)]
 

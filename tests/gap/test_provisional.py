@@ -61,6 +61,15 @@ def test_the_nearest_set_predicts_held_out_records_better():
     assert float(np.std(records[-1].axes["x"].x_um - said)) == pytest.approx(final.gap.after, rel=0.05)
 
 
+def test_what_helps_in_all_blocks_is_adopted_though_one_record_holds_nearly_all_of_the_squares(monkeypatch):
+    """A multisine through a mode that moved holds a thousand times the squares of the slow records."""
+    was = np.array([1.0, 1.2, 0.9, 1.1, 1e4, 0.8, 1.3, 1.0])
+    helps, in_one = 0.2 * was, np.where(was > 100, 1.0, was)
+    for now, pays in ((helps, True), (in_one, False), (was, False)):
+        monkeypatch.setitem(_best_that_pays.__globals__, "_squares", lambda *_, now=now: (was, now))
+        assert (_best_that_pays(None, ["it"]) == "it") is pays
+
+
 def test_what_saves_no_more_than_chance_is_not_adopted():
     _, runs, alone = unnamed(lambda u, step_s: 20.0 * u)
     final, entries = nearest_that_pays(alone, [], runs, [effect(name) for name in NEAR])

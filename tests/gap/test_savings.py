@@ -10,7 +10,7 @@ import pytest
 
 from phaselead.gap.error_rates import ERROR_RATE
 from phaselead.gap.residual import ModelledRun
-from phaselead.gap.savings import probability_by_chance, saved_by_block
+from phaselead.gap.savings import probability_by_chance, saved_by_block, shares_saved
 
 ROWS, STEP_S = 4000, 1e-3
 
@@ -38,6 +38,22 @@ def test_a_saving_in_every_block_is_no_chance_and_a_loss_is():
     assert probability_by_chance(-saved) > 0.999
     assert probability_by_chance(np.array([5.0])) == 1.0  # one block tells nothing of chance
     assert probability_by_chance(np.zeros(5)) == 1.0
+    assert probability_by_chance(np.ones(12)) == 0.0  # all of every block is saved
+    assert probability_by_chance(-np.ones(12)) == 1.0
+
+
+def test_each_block_says_as_much_where_one_holds_nearly_all_of_the_squares():
+    rng = np.random.default_rng(2)
+    was = 1.0 + rng.uniform(size=12)
+    was[3] = 1e4  # it rings
+    now = 0.1 * was * rng.uniform(0.5, 1.5, 12)
+    assert probability_by_chance(was - now) > ERROR_RATE
+    assert probability_by_chance(shares_saved(was, now)) < ERROR_RATE
+    assert probability_by_chance(shares_saved(was, np.zeros(12))) == 0.0
+    nothing = was * rng.uniform(0.99, 1.01, 12)
+    nothing[3] = 1.0  # of one block alone chance may save as much
+    assert probability_by_chance(shares_saved(was, nothing)) > ERROR_RATE
+    assert not shares_saved(np.zeros(3), np.zeros(3)).any()
 
 
 def test_what_is_saved_is_the_difference_of_squares_about_each_mean():

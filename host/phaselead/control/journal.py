@@ -34,9 +34,10 @@ from phaselead.record import (
     JournalWriter,
     Recording,
     Samples,
+    alone,
     check_output,
-    is_being_written,
     read_hdf5,
+    what_to_do,
 )
 from phaselead.waveforms import Waveform
 
@@ -57,10 +58,7 @@ class RunFile:
         if output is not None:
             check_output(output, suffixes=RUN_SUFFIXES)
             if os.path.lexists(self.path):
-                raise BadInput(
-                    f"{self.path}: is left from a run that was not finished; recover it first (phaselead log recover "
-                    f"{self.path} -o OTHER.h5), delete it, or choose another output"
-                )
+                raise BadInput(f"{self.path}: {what_to_do(self.path)}")
 
     @property
     def sink(self) -> Callable[[bytes], None] | None:
@@ -336,8 +334,13 @@ def recover_run(journal_path: str, output: str) -> dict[str, Any]:
         BadInput: no journal, of another version, without a single batch of samples, or of a run that still goes on.
     """
     check_output(output, suffixes=RUN_SUFFIXES, inputs=[journal_path])
-    if is_being_written(journal_path):
-        raise BadInput(f"{journal_path}: its run still goes on; let it end, or stop it with Ctrl-C first")
-    facts = convert(journal_path, output)
-    os.remove(journal_path)
+    with alone(journal_path):
+        facts = convert(journal_path, output)
+        try:
+            os.remove(journal_path)
+        except OSError as error:  # on Windows one that a run has open stays
+            raise BadInput(
+                f"{journal_path}: {output} is written, but the journal cannot be removed ({error.strerror}); does its "
+                "run still go on?"
+            ) from None
     return facts

@@ -34,6 +34,9 @@ CUT_V = 0.005
 FORWARD_STEP_V = 2**-11
 """Of recorded feed-forward and feedback."""
 CUT = "is cut by the output's limits"
+FAR_OFF = 10.0
+"""Times the error that the model said, and what it left of its own records, from which a run is remarked on. Chosen:
+creep, noise and a path unlike those records add a few times as much."""
 LIMITED_SHARE = 0.1
 """Of the ticks at the slew limit or a clamp: so long the loop is open, and what the limit cuts off rings the stage. The
 corners of a triangle that a stage can follow take a few per cent."""
@@ -59,10 +62,6 @@ class Predicted:
             part = f", in {'its first' if not later else 'the'} {self.first_s:g} s{later}"
         return f"{axis}: on the model off by at most {self.max_um:.3g} um ({self.max_pct:.2g} %){part}"
 
-
-FAR_OFF = 10.0
-"""Times what the model said, and left of its own records, from which a run is remarked on: chosen, well above what
-creep, noise and another way of driving add."""
 
 OnRehearsed = Callable[[Mapping[str, Predicted]], None]
 """Is given what the rehearsal says of each axis, nothing of paths without one, before anything moves."""
@@ -133,8 +132,9 @@ def unlike_predicted(run: Run, predicted: Mapping[str, Predicted], stage: Stage 
         said_um, off_um = predicted[axis].max_um, figures["max_um_mean_removed"]
         if off_um > FAR_OFF * (said_um + view.residual_um_rms):
             found.append(
-                f"{axis}: off by up to {off_um:.3g} um where the model said {said_um:.3g}: the stage has changed, or "
-                "the model is of another; `phaselead verify` of this run says how they differ, `phaselead gap` why"
+                f"{axis}: off by up to {off_um:.3g} um about its mean, where the model said {said_um:.3g} at most: the "
+                "stage has changed, or the model is of another; `phaselead verify` of a run that is kept (-o RUN.h5) "
+                "says how they differ"
             )
     return found
 

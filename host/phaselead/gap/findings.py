@@ -87,8 +87,8 @@ class Detectable:
 
 
 CLEARLY_ABOVE_FLOOR = 2.0
-"""Times the floor from which what is left of the held-out records is something that may shift their means as well, and
-that nothing which was found accounts for."""
+"""Times the floor from which more is left of the held-out records than what was found can account for: it may also
+shift their means."""
 
 
 @dataclass(frozen=True)
@@ -108,7 +108,7 @@ class GapSize:
     @property
     def clearly_above_floor(self) -> bool:
         """Whether far more is left than no model is expected to beat."""
-        return self.after >= CLEARLY_ABOVE_FLOOR * self.floor
+        return self.after > self.floor and self.after >= CLEARLY_ABOVE_FLOOR * self.floor
 
     @classmethod
     def below(cls, before: float, after: float, level: float, level_from: str) -> GapSize:

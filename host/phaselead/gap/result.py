@@ -37,10 +37,11 @@ from phaselead.result import Result, Table, json_text
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-UNEXPLAINED_NONE = (
+MAY_HIDE = (
     "nothing that these records can show was found, and yet more is left than the floor: what they cannot show may be "
     "there"
 )
+"""Said beside `none` where far more is left than the floor."""
 MOST_CELLS = 5
 """Of the largest cells, in a notebook."""
 
@@ -195,6 +196,13 @@ class GapResult(Result):
         return self.verdicts == ("none",) and self.gap.clearly_above_floor
 
     @property
+    def remarks(self) -> list[str]:
+        """What the figures do not say by themselves, for a person: what stays in the gap, and what may hide there."""
+        names = [effect.name for effect in self.effects if catalogue()[effect.name].seen_as is not None]
+        stays = [f"no voltage predicts {' or '.join(names)}: that stays in the gap"] if names else []
+        return [*stays, *([MAY_HIDE] if self.more_than_floor else [])]
+
+    @property
     def advice(self) -> str:
         """Which records would help where something is there and nothing is named; otherwise empty."""
         if "unknown" not in self.verdicts or self.effects or self.sources.get("reference"):
@@ -220,13 +228,12 @@ class GapResult(Result):
         floor = f"floor {gap.floor:.4g} ({gap.floor_from})"
         about = "each record about its own mean"
         parts.append(f"held-out gap {gap.before:.4g} -> {gap.after:.4g} {gap.unit} rms, {about}; {floor}")
-        parts += self._stays_in_gap()
         if self.unexplained is not None and self.unexplained.something_missing:
             parts.append(self.unexplained_sentence)
         if self.advice:
             parts.append(self.advice)
         parts += _bounds(self.excluded)
-        parts += [UNEXPLAINED_NONE] if self.more_than_floor else []
+        parts += self.remarks
         if self.untestable and ("unknown" in self.verdicts or self.more_than_floor):
             reasons = tuple((name, self.why_untestable(name)) for name in self.untestable)
             parts.append(Table(("not testable with these records", "why, and what would show it"), reasons))
@@ -237,11 +244,6 @@ class GapResult(Result):
             parts.append(_experiment_text(self.next_experiment))
         tracked = [] if self.verification is None else self.verification.tables()
         return [*parts, *self.messages, *tracked]
-
-    def _stays_in_gap(self) -> list[str]:
-        """Which of the named effects no model takes out of the gap."""
-        names = [effect.name for effect in self.effects if catalogue()[effect.name].seen_as is not None]
-        return [f"no voltage predicts {' or '.join(names)}: that stays in the gap"] if names else []
 
     def why_untestable(self, name: str) -> str:
         """Why these records say nothing of an effect, and which would; for one that another stands for, none would."""

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from phaselead.control import own_loop_warnings
+from phaselead.control import are_designed, own_loop_warnings
 from phaselead.gap.adopt import next_stage
 from phaselead.gap.axis import AxisResult, search_axis
 from phaselead.gap.effect_search import Progress
@@ -63,7 +63,7 @@ def run_gap(
     report(1.0)
     after = next_stage(stage, {r.axis: r.model for r in results}, [*train, *reference])
     found = _joined(results, after, tuple(dict.fromkeys(r.sha256 for r in holdout)), time.monotonic() - began)
-    doubts = (*doubts, *(doubt for result in results for doubt in result.doubts), *_gains_that_stay(after))
+    doubts = (*doubts, *(doubt for result in results for doubt in result.doubts), *_gains_that_stay(stage, after))
     found = replace(found, messages=(*found.messages, *_about_drift(found, runs)))
     parts = {"train": train, "holdout": holdout, "reference": reference}
     sources = {name: tuple(r.traced for r in part) for name, part in parts.items()}
@@ -83,12 +83,16 @@ def _about_drift(found: GapResult, runs: Mapping[str, Sequence[GapRun]]) -> list
     ]
 
 
-def _gains_that_stay(stage: Stage) -> list[str]:
-    """What the next model says against gains that were chosen or tuned before it."""
+def _gains_that_stay(before: Stage, after: Stage) -> list[str]:
+    """What the next model says against gains that were chosen or tuned, of axes that it changed and did not before."""
+    known = own_loop_warnings(before, force=True)
+    axes = {name: axis for name, axis in after.axes.items()
+            if axis != before.axes.get(name) and axis.gains is not None and not are_designed(axis.gains)}  # fmt: skip
+    lines = own_loop_warnings(after.model_copy(update={"axes": axes}), force=True)
     return [
         f"{line}: its gains were chosen or tuned before; `phaselead tune` measures new ones"
-        for line in own_loop_warnings(stage, force=True)
-    ]
+        for line in lines if line not in known
+    ]  # fmt: skip
 
 
 def _provisional_doubts(stage: Stage, axes: Sequence[str]) -> list[str]:

@@ -52,7 +52,9 @@ def shares_saved(was: Samples, now: Samples) -> Samples:
 
 def probability_by_chance(saved: Samples) -> float:
     """Probability of so large a mean over blocks (m,) where none is saved: Student's t of the paired differences."""
-    spread = float(saved.std(ddof=1)) if len(saved) > 1 else 0.0
-    if not spread > 0:
+    if len(saved) < 2:
         return 1.0
-    return float(t_distribution.sf(float(saved.mean()) / spread * np.sqrt(len(saved)), len(saved) - 1))
+    mean, spread = float(saved.mean()), float(saved.std(ddof=1))
+    if not spread > 0:
+        return 0.0 if mean > 0 else 1.0
+    return float(t_distribution.sf(mean / spread * np.sqrt(len(saved)), len(saved) - 1))

@@ -51,7 +51,7 @@ class Selection:
     """The sets that were compared last."""
     memory: Memory | None = None
     in_place: tuple[str, ...] = ()
-    """Names of effects that are in the place of a mode that the base has."""
+    """Names of effects that may be in the place of a mode that the base has."""
 
     @property
     def claims(self) -> tuple[Claim, ...]:
@@ -83,7 +83,7 @@ class Selection:
     def messages(self) -> list[str]:
         """Why what is there has no name, or cannot be told from a rival, for a person."""
         said = [
-            f"{name} takes away a mode that the model has and puts another there: it is that mode, changed"
+            f"{name} has its zeros where the model has a mode, so that it may be that mode, changed"
             for name in self.in_place
         ]
         for claim in self.found:

@@ -123,26 +123,27 @@ def judge(
         raise BadInput("no recordings to verify the model on; give at least one file")
     kept, left_out = usable(recordings)
     found = verify(stage, kept, view, refit_offset=refit_offset)
-    doubts = [*in_other_times(stage, kept), *_at_another_rate(stage, kept), *driven_far_beyond(stage, kept)]
+    unlike = {one.file for one in found if one.described is not None}
+    late = _held_at_another_rate(stage, [one for one in kept if one.source in unlike])
+    doubts = [*in_other_times(stage, kept), *late, *driven_far_beyond(stage, kept)]
     doubts += [*glitch_doubts(kept), *_out_of_scale(found), *_about_starts(found)]
     return Verifications(found, view, model, stage.sha256, left_out, doubts)
 
 
-def _at_another_rate(stage: Stage, recordings: Sequence[Recording]) -> list[str]:
-    """Records at another sampling rate than that of the model, in one line for all: what is held from row to row is
-    late by half a row, of which the delay of the model has its own."""
-    found = []
+def _held_at_another_rate(stage: Stage, recordings: Sequence[Recording]) -> list[str]:
+    """Of records that the model misses and that have another sampling rate than it, in one line for each rate: a
+    voltage that is held from row to row is late by half a row, of which the delay of the model has its own."""
+    lines: dict[str, list[str]] = {}
     for recording in recordings:
         rates_Hz = [axis.time.rate_Hz for name, axis in stage.axes.items() if name in recording.axes and axis.time]
-        if not rates_Hz or in_other_times(stage, [recording]) or abs(recording.rate_Hz / rates_Hz[0] - 1) <= SAME_RATE:
-            continue
-        late_s = (1 / recording.rate_Hz - 1 / rates_Hz[0]) / 2
-        when = f"{1e3 * abs(late_s):.3g} ms {'later' if late_s > 0 else 'earlier'}"
-        found.append(
-            f"{recording.source}: is sampled at {recording.rate_Hz:.6g} Hz, the model at {rates_Hz[0]:.6g} Hz: a "
-            f"voltage that is held from row to row comes {when} than the model says, for that alone"
-        )
-    return [found[0] + more_like_it(len(found) - 1)] if found else []
+        if rates_Hz and abs(recording.rate_Hz / rates_Hz[0] - 1) > SAME_RATE:
+            late_s = (1 / recording.rate_Hz - 1 / rates_Hz[0]) / 2
+            when = f"{1e3 * abs(late_s):.3g} ms {'later' if late_s > 0 else 'earlier'}"
+            rates = f"is sampled at {recording.rate_Hz:.6g} Hz, the model at {rates_Hz[0]:.6g} Hz"
+            lines.setdefault(
+                f"{rates}: if its voltage was held from row to row, that alone comes {when} than the model says", []
+            ).append(recording.source)
+    return [f"{names[0]}: {line}{more_like_it(len(names) - 1)}" for line, names in lines.items()]
 
 
 def _out_of_scale(found: Sequence[Verification]) -> list[str]:

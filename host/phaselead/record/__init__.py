@@ -23,7 +23,15 @@ from phaselead.record.glitches import glitch_doubts
 from phaselead.record.growing import Hdf5Parts, hdf5_in_parts
 from phaselead.record.hdf5 import read_hdf5, write_hdf5
 from phaselead.record.importing import Imported, import_files, import_names
-from phaselead.record.journal import Entry, JournalReader, JournalWriter, is_being_written, read_journal
+from phaselead.record.journal import (
+    Entry,
+    JournalReader,
+    JournalWriter,
+    alone,
+    is_being_written,
+    read_journal,
+    what_to_do,
+)
 from phaselead.record.overlap import same_measurement
 from phaselead.record.plausible import doubts_about, seem_exchanged, times_in
 from phaselead.record.read import read_recording, refuse_map_of_some, scored_alone, split_argument
@@ -51,6 +59,7 @@ __all__ = [
     "SampledResult",
     "Samples",
     "Source",
+    "alone",
     "atomic_path",
     "began",
     "check_output",
@@ -93,6 +102,7 @@ __all__ = [
     "t0_unix_s",
     "times_in",
     "unit_remedy",
+    "what_to_do",
     "write_csv",
     "write_hdf5",
     "write_text",

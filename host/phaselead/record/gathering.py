@@ -28,8 +28,8 @@ class Recorded(Protocol):
 
 
 RecordLike = Recording | Recorded | Recordings | str | os.PathLike[str]
-"""One recording: in memory, or a file's name, with a window (``"rec.csv@5:7"``) or a pattern (``"kept/*.h5"``); or
-what was read before."""
+"""One recording, in memory or by a file's name, with a window (``"rec.csv@5:7"``); or several, by a pattern
+(``"kept/*.h5"``) or as they were read before."""
 RecordsLike = RecordLike | Iterable[RecordLike]
 MapLike = str | Mapping[str, int | tuple[int, float]]
 """Columns of a file without our header, counted from 1: ``"u_V=1,x_um=3*1e6"`` or ``{"u_V": 1, "x_um": (3, 1e6)}``."""

@@ -14,6 +14,7 @@ import os
 import struct
 import zlib
 from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from types import TracebackType
 from typing import IO, Any, NamedTuple, Self
 
@@ -21,7 +22,7 @@ from phaselead.errors import BadInput
 
 try:
     import fcntl
-except ImportError:  # Windows, where a file that is open cannot be removed
+except ImportError:  # on Windows
     fcntl = None  # type: ignore[assignment]
 
 MAGIC = b"phaselead-journal "
@@ -29,6 +30,8 @@ VERSION = 1
 LARGEST_ENTRY = 2**28
 LONGEST_HEADER = 2**26
 """Bytes. It holds a stage file."""
+STILL_WRITTEN = "its run still goes on; let it end, or stop it with Ctrl-C first"
+"""What is said of a journal that a run has open."""
 _HEAD = struct.Struct("<II")
 
 
@@ -48,12 +51,12 @@ class JournalWriter:
         try:
             self._file = open(path, "xb", buffering=0)  # noqa: SIM115 - open for as long as the capture runs
         except FileExistsError:
-            raise BadInput(
-                f"{path}: exists already; recover it (phaselead log recover) or choose another name"
-            ) from None
+            raise BadInput(f"{path}: exists already; {what_to_do(path)}") from None
         except OSError as error:
             raise BadInput(f"{path}: cannot be written ({error.strerror}); give a writable place") from None
-        _locked(self._file)
+        if fcntl is not None:
+            with suppress(OSError):  # a file system without locks
+                fcntl.flock(self._file, fcntl.LOCK_EX)
         try:
             self._write(line)
         except BaseException:
@@ -100,22 +103,48 @@ def is_being_written(path: str | os.PathLike[str]) -> bool:
     """Whether a run has the journal open and still writes it; False where the system does not tell."""
     try:
         with open(path, "rb") as file:
-            return not _locked(file)
+            return not _locked(file, alone=False)
     except OSError:
         return False
 
 
-def _locked(file: IO[bytes]) -> bool:
-    """Locks an open file, for as long as it is open or its process lives. False where another one has locked it."""
+@contextmanager
+def alone(path: str | os.PathLike[str]) -> Iterator[None]:
+    """Keeps a journal from all others that ask for it, for as long as it is finished. Raises BadInput where a run still
+    writes it or another finishes it."""
+    try:
+        file = open(path, "rb")  # noqa: SIM115 - open for as long as the journal is finished
+    except OSError:
+        yield  # whoever reads it says why
+        return
+    with file:
+        if not _locked(file, alone=True):
+            raise BadInput(f"{path}: {STILL_WRITTEN}")
+        yield
+
+
+def _locked(file: IO[bytes], *, alone: bool) -> bool:
+    """Locks an open file for as long as it is open or its process lives, ``alone`` or beside others that only ask.
+    False where another has locked it."""
     if fcntl is None:
         return True
     try:
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        fcntl.flock(file, (fcntl.LOCK_EX if alone else fcntl.LOCK_SH) | fcntl.LOCK_NB)
     except BlockingIOError:
         return False
     except OSError:  # a file system without locks
         return True
     return True
+
+
+def what_to_do(path: str | os.PathLike[str]) -> str:
+    """With a journal that is there: a run still writes it, or one was not finished."""
+    if is_being_written(path):
+        return f"{STILL_WRITTEN}, or choose another output"
+    return (
+        f"it is left from a run that was not finished; recover it first (phaselead log recover {path} -o OTHER.h5), "
+        "delete it, or choose another output"
+    )
 
 
 def is_journal(content: bytes) -> bool:

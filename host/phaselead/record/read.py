@@ -14,7 +14,7 @@ from phaselead.errors import BadInput
 from phaselead.record.axis_record import AxisRecord, Samples
 from phaselead.record.columns import ColumnMap, axes_of
 from phaselead.record.hdf5 import SIGNATURE, read_hdf5
-from phaselead.record.journal import is_journal
+from phaselead.record.journal import STILL_WRITTEN, is_being_written, is_journal
 from phaselead.record.recording import Recording
 from phaselead.record.text import own_columns, read_text
 
@@ -145,7 +145,10 @@ def _digest_and_text(path: str) -> tuple[str, bytes | None]:
     except ValueError:  # a NUL in the name
         raise BadInput(f"{path!r}: is no file name; give a recording (.csv or .h5)") from None
     if is_journal(content):
-        raise BadInput(f"{path}: is a capture that was never finished; finish it with phaselead log recover")
+        what = (
+            STILL_WRITTEN if is_being_written(path) else "it was never finished; finish it with phaselead log recover"
+        )
+        raise BadInput(f"{path}: is the journal of a capture; {what}")
     return hashlib.sha256(content).hexdigest(), content
 
 

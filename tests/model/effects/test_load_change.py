@@ -63,6 +63,17 @@ def test_no_mode_is_damped_beyond_ringing():
     assert moved["zeta"] < 1
 
 
+def test_a_load_of_nothing_leaves_a_mode_that_is_damped_beyond_that():
+    mode = effect("resonance")
+    given = mode.complete({"c": 0.9, "f_Hz": 200.0, "zeta": 1.2})
+    (_, moved), _ = rewritten([(mode, given), (LOAD, LOAD.complete({}))])
+    assert moved["zeta"] == 1.2
+
+
+def test_of_a_model_without_modes_there_is_nothing_to_say():
+    assert LOAD.reads(LOAD.complete({"mass": 0.44}), AxisModel()) == ""
+
+
 def test_in_words_it_says_where_the_largest_mode_was_and_is():
     modes = AdoptedEffect(name="resonance", params={"c": (0.1, 0.9), "f_Hz": (90.0, 220.0), "zeta": (0.02, 0.03)})
     before = AdoptedEffect(name="load_change", params={"mass": 0.21})

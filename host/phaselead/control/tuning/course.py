@@ -80,7 +80,7 @@ def tune(
     Raises:
         BadInput: nothing has moved: a level outside limits. No loop was closed: no coherence, a response that is none
             of modes, no loop with the margin. Or the loop that was closed has a peak sensitivity above 3, or could not
-            be measured.
+            be measured. Or the stage stands, at ``middle_V``, where its model never does.
         DeviceFault: the device latched one on the way.
     """
     told = on_progress or (lambda share: None)

@@ -87,10 +87,13 @@ def posteriors(entries: Sequence[SizedEffect], covariance: Samples) -> list[Post
     ]
 
 
-def deviation_of(size: Callable[[Sequence[SizedEffect]], float], fit: Fit) -> float:
-    """Standard deviation, to first order, of what follows from the parameters of a set."""
+def deviation_of(quantity: Callable[[Sequence[SizedEffect]], float], fit: Fit) -> float:
+    """Standard deviation, to first order, of a quantity that follows from the parameters of a set; infinite where it is
+    none right beside them."""
     at = internal(fit.entries)
-    ends = [[size(entries_at(fit.entries, at + way * step)) for way in (1, -1)] for step in NUDGE * np.eye(len(at))]
+    ends = [[quantity(entries_at(fit.entries, at + way * step)) for way in (1, -1)] for step in NUDGE * np.eye(len(at))]
+    if not np.isfinite(ends).all():
+        return math.inf
     slopes = np.array([(above - below) / (2 * NUDGE) for above, below in ends])
     return math.sqrt(max(float(slopes @ fit.covariance @ slopes), 0.0))
 

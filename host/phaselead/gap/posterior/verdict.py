@@ -66,7 +66,7 @@ class Judgement:
     nearest_only: float
     """Probability that no set is there: the nearest leaves more than its equations may miss."""
     in_place: tuple[str, ...] = ()
-    """Names of effects of the most probable set that are in the place of something that the model has."""
+    """Names of effects of the most probable set that may be in the place of a mode that the model has."""
 
     @property
     def something_unnamed(self) -> bool:
@@ -208,18 +208,17 @@ def _whole(contest: Contest, effect: Effect, params: Mapping[str, float]) -> str
 
 def _changed(fit: Fit, effect: Effect, modes: Sequence[Mode]) -> str | None:
     """The effect that changes one of the ``modes`` of the model, where one of a set may be in the place of such a mode;
-    None where it surely is not."""
+    None where it surely is not, and where the set has that effect beside it."""
     in_place = effect.in_place_of
-    if in_place is None or not modes:
+    if in_place is None or not modes or in_place.effect in fit.names:
         return None
 
     def apart(entries: Sequence[SizedEffect]) -> float:
         return in_place.apart(next(params for one, params in entries if one.name == effect.name), modes)
 
-    off = apart(fit.entries)
-    if not math.isfinite(off):
-        return None
-    return in_place.effect if abs(off) <= TWO_SIDED_95 * deviation_of(apart, fit) else None
+    off, deviation = apart(fit.entries), deviation_of(apart, fit)
+    told = math.isfinite(off) and math.isfinite(deviation)
+    return in_place.effect if told and abs(off) <= TWO_SIDED_95 * deviation else None
 
 
 def _tied_with(sets: _Sets, claim: Claim, name: str, best: Names) -> Claim:

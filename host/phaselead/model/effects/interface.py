@@ -182,10 +182,10 @@ class InPlaceOf:
     """A change of what the model has, in whose place an effect of its own can stand."""
 
     effect: str
-    """That makes such changes."""
+    """Name of the one that makes such changes."""
     apart: Callable[[Params, Sequence[Mode]], float]
-    """How far, by the logarithm of a frequency, the effect is from putting itself in the place of one of the modes that
-    the model has."""
+    """How far, as the logarithm of a ratio of frequencies, the effect is from standing in the place of one of the modes
+    that the model has: 0 is there, infinite where it can be in the place of none."""
 
 
 ModePart = Literal["own path", "coupling", "level"]

@@ -55,7 +55,8 @@ def _felt(shares: Samples, largest: float, others: float) -> Samples:
 def _loaded(params: Params, mass: Samples, damping: Samples) -> Params:
     """The modes (m,) with so much more mass and damping force, each in parts of their own."""
     slower = 1 / np.sqrt(1 + mass)
-    zeta = np.minimum(numbers(params, "zeta") * (1 + damping) * slower, VirtualAxis.LARGEST_ZETA)
+    was = numbers(params, "zeta")
+    zeta = np.minimum(was * (1 + damping) * slower, np.maximum(was, VirtualAxis.LARGEST_ZETA))
     moved = {"f_Hz": numbers(params, "f_Hz") * slower, "zeta": zeta}
     return {**params, **{name: float(v[0]) if np.ndim(params[name]) == 0 else list(v) for name, v in moved.items()}}
 
@@ -97,7 +98,7 @@ EFFECT = Effect(
     order=2,
     equation="m -> (1 + mass) m, d -> (1 + damping) d: f_Hz -> f_Hz / sqrt(1 + mass), "
     "zeta -> zeta (1 + damping) / sqrt(1 + mass) of the known mode that carries most of the motion, and with others "
-    "mass, others damping of every other known mode",
+    "mass, others damping of every other known mode; no mode is damped beyond 0.99 by it",
     source="k, m and d of a spring, a mass and a damper; Devasia, Eleftheriou and Moheimani 2007. How far a mode moves "
     "at the place of the load decides how much of it that mode feels: Ewins 2000, Modal testing (mass modification)",
     parameters=(

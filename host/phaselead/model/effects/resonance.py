@@ -103,12 +103,12 @@ def virtual(axis: VirtualAxis, given: CheckedParameters) -> None:
 
 
 def from_a_known_mode(params: Params, known: Sequence[Mode]) -> float:
-    """How far the zeros of a single mode are from the nearest of the modes that the model has: where they meet, they
-    take that mode away, and this one stands in its place."""
-    ((c, f_Hz, _),) = modes(params)
-    if c >= 1 or not known:
-        return math.inf
-    return min((math.log(f_Hz / math.sqrt(1 - c) / one_Hz) for _, one_Hz, _ in known), key=abs)
+    """How far the zeros of a mode are above the nearest of the modes that the model has: where they meet, they take
+    that mode away, and this one stands in its place. Of several modes the nearest counts; a mode that carries all of
+    the motion has no zeros."""
+    zeros_Hz = [f_Hz / math.sqrt(1 - c) for c, f_Hz, _ in modes(params) if c < 1]
+    apart = [math.log(zero_Hz / one_Hz) for zero_Hz in zeros_Hz for _, one_Hz, _ in known]
+    return min(apart, key=abs, default=math.inf)
 
 
 def undo_on_position(params: Params) -> Undone:

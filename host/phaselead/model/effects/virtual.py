@@ -34,7 +34,7 @@ class VirtualAxis:
     has_modes = False
     """Whether an effect has asked for modes."""
     LARGEST_ZETA = 0.99
-    """Of a mode that a load damps: more than that rings nothing."""
+    """Of a mode that a load damps: from 1 on it would be no mode but two lags."""
 
     def __init__(self, model: AxisModel, where: str) -> None:
         self.model = model
