@@ -29,6 +29,7 @@ from phaselead.model import (
     Stage,
     TimeView,
     effect,
+    modes_in,
     plays,
     plays_after,
     rest_plays,
@@ -288,8 +289,7 @@ def base_entries(axis: AxisModel) -> list[Entry]:
 
 def base_modes(axis: AxisModel) -> list[Mode]:
     """The modes of the mechanics that a model of an axis has, as its other effects change them."""
-    changed = rewritten([(one, one.complete(params)) for one, params in base_entries(axis)])
-    return [mode for one, params in changed if one.modes is not None for mode in one.modes(params)]
+    return modes_in(rewritten([(one, one.complete(params)) for one, params in base_entries(axis)]))
 
 
 @dataclass(frozen=True)

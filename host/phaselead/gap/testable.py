@@ -21,7 +21,7 @@ def shown_by(effects: Sequence[Effect], axis: AxisModel, step_s: float) -> tuple
     """Effects as records of a sampling step show them on a base, without frequencies beyond the sampling and without
     parameters that change nothing there; and why others cannot be seen, by name. Disturbances are all kept: their tests
     know the sampling."""
-    highest_Hz, modes = HIGHEST_OF_RATE / step_s, _modes(axis)
+    highest_Hz, modes = HIGHEST_OF_RATE / step_s, len(base_modes(axis))
     shown, beyond = [], {}
     for one in effects:
         lowest_Hz = max((p.low for p in one.parameters if p.unit == "Hz"), default=0.0)
@@ -30,11 +30,6 @@ def shown_by(effects: Sequence[Effect], axis: AxisModel, step_s: float) -> tuple
         else:
             beyond[one.name] = f"needs records of more than {digits(lowest_Hz / HIGHEST_OF_RATE, 2)} rows per second"
     return shown, beyond
-
-
-def _modes(axis: AxisModel) -> int:
-    """Number of modes that a base has."""
-    return len(base_modes(axis))
 
 
 def responses(effects: Sequence[Effect], frozen: bool, referenced: bool) -> tuple[list[Effect], dict[str, str]]:

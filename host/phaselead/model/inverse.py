@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from phaselead.errors import BadInput
 from phaselead.model.axis import AdoptedEffect, AxisModel, Limits, TimeView
-from phaselead.model.effects import Entry, Place, effect, rewritten
+from phaselead.model.effects import Entry, Place, effect, modes_in, rewritten
 from phaselead.model.level_sections import hold, level, looked_at_Hz
 from phaselead.model.operator import with_even_plays
 from phaselead.model.sections import PASS, Section
@@ -188,7 +188,7 @@ def _last_first(entries: Sequence[Entry]) -> list[Entry]:
 def _levelled(found: Compensation, filtered_s: float, axis: AxisModel, entries: Sequence[Entry]) -> Compensation:
     """With one more section, where there is room, for what the others leave of modes and low-passes up to near the
     first mode. ``filtered_s``: what filters and sections delay."""
-    modes = [mode for e, params in entries if e.modes is not None for mode in e.modes(params)]
+    modes = modes_in(entries)
     lags_s = [e.lag_in_loop_s(params) for e, params in entries if e.lag_in_loop_s is not None]
     if not (found.shape or found.drive is not PASS) or len(found.shape) == SECTIONS:
         return found

@@ -9,7 +9,7 @@ import numpy as np
 
 from phaselead.errors import BadInput
 from phaselead.model.axis import AxisModel, TimeView
-from phaselead.model.effects import Mode, effect, rewritten
+from phaselead.model.effects import Mode, effect, modes_in, rewritten
 from phaselead.model.inverse import BACKWARDS, in_time_view
 from phaselead.model.operator import CURVE_PIECES, without_plays_um
 
@@ -44,7 +44,7 @@ def small_signal(axis: AxisModel) -> SmallSignal:
     if high <= 0:
         raise BadInput(BACKWARDS)
     entries = rewritten([(effect(e.name), effect(e.name).complete(e.params)) for e in axis.effects])
-    modes = tuple(mode for e, params in entries if e.modes is not None for mode in e.modes(params) if mode[0] != 0)
+    modes = tuple(mode for mode in modes_in(entries) if mode[0] != 0)
     lags = tuple(e.lag_in_loop_s(params) for e, params in entries if e.lag_in_loop_s is not None)
     return SmallSignal((max(low, 0.0), high), modes, tuple(tau_s for tau_s in lags if tau_s > 0), view.delay_s)
 

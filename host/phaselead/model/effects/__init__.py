@@ -22,7 +22,7 @@ from phaselead.model.effects.filters import (
     second_order_residual,
     without_lags,
 )
-from phaselead.model.effects.interface import Effect, Entry, ModePart, Params, Signal, rewritten
+from phaselead.model.effects.interface import Effect, Entry, ModePart, Params, Signal, modes_in, rewritten
 from phaselead.model.effects.mode_bank import Complex, modes_of, shares, state_weights, states, states_and_slopes
 from phaselead.model.effects.parameters import CheckedParameters, Parameter, Value
 from phaselead.model.effects.place import MODES_FROM, Place
@@ -58,6 +58,7 @@ __all__ = [
     "effect_of_shares",
     "lags",
     "mode_coefficients",
+    "modes_in",
     "modes_in_C",
     "modes_of",
     "push_level",

@@ -39,6 +39,7 @@ __all__ = [
     "Value",
     "VirtualAxis",
     "columns",
+    "modes_in",
     "number",
     "numbers",
     "rewritten",
@@ -449,6 +450,11 @@ def rewritten(entries: Sequence[Entry]) -> list[Entry]:
         if e.rewrite is not None:
             found = e.rewrite(found, params)
     return list(found)
+
+
+def modes_in(entries: Sequence[Entry]) -> list[Mode]:
+    """The modes of the mechanics that some effects add, with the parameters that they are given."""
+    return [mode for e, params in entries if e.modes is not None for mode in e.modes(params)]
 
 
 def columns(*of_rows: Samples) -> Samples:

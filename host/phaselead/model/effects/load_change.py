@@ -1,4 +1,4 @@
-"""Another load on the stage, a mass or what damps it: its modes move or ring longer, its static gain stays."""
+"""Another load on the stage, a mass or what damps it: modes move or ring for another time, the static gain stays."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ import numpy as np
 
 from phaselead.errors import BadInput
 from phaselead.model.axis import AxisModel
-from phaselead.model.effects.filters import Mode
 from phaselead.model.effects.interface import (
     CheckedParameters,
     Effect,
@@ -20,6 +19,7 @@ from phaselead.model.effects.interface import (
     Samples,
     Signal,
     VirtualAxis,
+    modes_in,
     number,
     numbers,
     rewritten,
@@ -66,15 +66,11 @@ def reads(params: Params, axis: AxisModel) -> str:
 
     known = catalogue()
     before = rewritten([(known[e.name], known[e.name].complete(e.params)) for e in axis.effects if e.name in known])
-    pairs = list(zip(_modes(before), _modes(rewrite(before, params)), strict=True))
+    pairs = list(zip(modes_in(before), modes_in(rewrite(before, params)), strict=True))
     if not pairs:
         return ""
     (_, was_Hz, was_zeta), (_, now_Hz, now_zeta) = max(pairs, key=lambda pair: abs(pair[0][0]))
     return f"the mode at {was_Hz:.4g} Hz (zeta {was_zeta:.3g}) is at {now_Hz:.4g} Hz ({now_zeta:.3g})"
-
-
-def _modes(entries: Sequence[Entry]) -> list[Mode]:
-    return [mode for effect, given in entries if effect.modes for mode in effect.modes(given)]
 
 
 def untestable(signal: Signal) -> str | None:
